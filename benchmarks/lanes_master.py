@@ -22,11 +22,11 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # one core for the competitors, t
 import numpy as np
 import sblcosim
 from alternating import ratio
-from sblcosim.results.definitions import PERCENTAGES
+from sblcosim.judge.definitions import PERCENTAGES
 from sblcosim.results.sums import responses
 from sblcosim.scenario.wiring import connect
 from sblcosim.simulation.masters import lanes
-from sblcosim.simulation.plan import Plan
+from sblcosim.simulation.plans.plan import Plan
 from sblcosim.simulation.resolve import resolve
 from sblcosim.simulation.system import Connection
 

@@ -29,7 +29,7 @@ from sblcosim.models import COMPONENTS
 from sblcosim.simulation.execution import execute
 from sblcosim.simulation.masters import native
 from sblcosim.simulation.masters.python import chosen, initialised
-from sblcosim.simulation.plan import Plan
+from sblcosim.simulation.plans.plan import Plan
 from sblcosim.simulation.resolve import resolve
 from sblcosim.simulation.system import ComponentSpec, Connection, System
 

@@ -30,7 +30,7 @@ from sblcosim.models.loading import load
 from sblcosim.scenario.wiring import connect
 from sblcosim.simulation.masters import lanes
 from sblcosim.simulation.masters.lanes_driver import engine_of
-from sblcosim.simulation.plan import Plan
+from sblcosim.simulation.plans.plan import Plan
 from sblcosim.simulation.resolve import resolve
 
 RECEIVERS = ("multilateration", "ekf", "sequential", "coupled", "fixed_lag")

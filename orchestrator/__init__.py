@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from . import analysis, limits, require, research, study
     from .api import run
     from .areas.survey import map_area
-    from .comparison.budget import budget
-    from .comparison.many import run_many
-    from .comparison.tournament import compare
+    from .comparison.budget.run import budget
+    from .comparison.many.run import run_many
+    from .comparison.tournament.run import compare
     from .errors import ConfigurationError, FmuError, SblcosimError
     from .estimation.after import Smoothed, smooth
     from .export.container import export_fmu
@@ -87,8 +87,8 @@ if not TYPE_CHECKING:  # a checker would take any name for one of ours
             "Variable": "models.declaration",
             "__version__": "",
             "analysis": "",
-            "budget": "comparison.budget",
-            "compare": "comparison.tournament",
+            "budget": "comparison.budget.run",
+            "compare": "comparison.tournament.run",
             "export_fmu": "export.container",
             "export_ssp": "export.ssp",
             "limits": "",
@@ -99,7 +99,7 @@ if not TYPE_CHECKING:  # a checker would take any name for one of ours
             "require": "",
             "research": "",
             "run": "api",
-            "run_many": "comparison.many",
+            "run_many": "comparison.many.run",
             "scenarios": "listings",
             "smooth": "estimation.after",
             "studies": "listings",

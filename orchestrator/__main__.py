@@ -17,7 +17,7 @@ def main() -> None:
 
             command()
     except KeyboardInterrupt as stop:  # while importing, or after all is printed
-        from .cli.outcome import stopped, stopped_line
+        from .cli.common.outcome import stopped, stopped_line
 
         print(stopped_line(stop), file=sys.stderr)
         sys.exit(stopped(stop))

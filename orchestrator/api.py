@@ -12,22 +12,22 @@ from sblcosim.fmus.stopping import interruptible
 from .data.record import Record
 from .data.truth import of_record
 from .errors import ConfigurationError, instance, shortened
+from .judge.definitions import Judged
+from .judge.metrics import intact
 from .packages import read as packages
 from .packages.read import is_package
 from .packages.recording import Recording
 from .prepare.package import of_package
 from .prepare.prepared import Prepared
 from .prepare.scenario import of_scenario
-from .results.definitions import Judged
-from .results.metrics import intact
 from .results.result import Result
 from .scenario.files import naming_files
 from .scenario.overrides import Changes
 from .scenario.scenario import Receivers, Scenario, Source, load
+from .simulation.children.process import foreign, patience, strangers
 from .simulation.execution import execute, needs_python, survive
 from .simulation.how import How
-from .simulation.plan import Plan
-from .simulation.process import foreign, patience, strangers
+from .simulation.plans.plan import Plan
 
 
 @interruptible

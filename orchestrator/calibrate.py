@@ -31,8 +31,8 @@ from . import artifacts, style
 from .data.estimates import Floats
 from .data.record import Record
 from .errors import ConfigurationError, check_choice
-from .results import figures
-from .results.catalogue import Figure, by_name, jobs
+from .results.figures import run as figures
+from .results.figures.catalogue import Figure, by_name, jobs
 from .shown import Picture, Shown, verbatim
 from .simulation.masters.python import execute
 from .simulation.resolve import resolve
@@ -97,7 +97,7 @@ class CalibrationResult(Shown):
     def plot(
         self, axes: Sequence[Axes] | None = None, theme: style.ThemeName = "light"
     ) -> Picture:
-        """The range test, two axes; see `sblcosim.results.figures.plot_range_test`."""
+        """The range test, two axes; see `sblcosim.results.figures.run.plot_range_test`."""
         return Picture(figures.plot_range_test(*_range_test(self), axes, theme), axes)
 
     def to_json(self) -> dict[str, Any]:

@@ -64,7 +64,7 @@ LONG = 600.0
 def only_hangs_take_time(monkeypatch: pytest.MonkeyPatch, seam: Seam) -> None:
     """Time limits of calls begin when one hangs on purpose; healthy ones may take long."""
     from sblcosim.fmus.conformance import runner
-    from sblcosim.simulation.process import Process
+    from sblcosim.simulation.children.process import Process
 
     next_, wait = Process._next, runner._wait
 

@@ -18,7 +18,7 @@ import pytest
 @cache
 def _numbers() -> dict[str, tuple[ModuleType, str]]:
     """Where the numbers of the product stand that tests make small, or large."""
-    from sblcosim.analysis import bounds
+    from sblcosim.analysis.common import bounds
     from sblcosim.estimation import smoother
     from sblcosim.fmus.conformance import runner as conformance
     from sblcosim.fmus.read import archive, description
@@ -26,7 +26,7 @@ def _numbers() -> dict[str, tuple[ModuleType, str]]:
     from sblcosim.models.receiver import bound
     from sblcosim.require import limiting
     from sblcosim.results import geography
-    from sblcosim.simulation import process
+    from sblcosim.simulation.children import process
     from sblcosim.simulation.masters import lanes
     from sblcosim.study import executors, parts, runner
     from sblcosim.tracks import read, track

@@ -23,8 +23,7 @@ from sblcosim.fmus.platforms import PLATFORMS
 from sblcosim.models import COMPONENTS, file_name
 from sblcosim.models.target.variables import TRACK_POINTS
 from sblcosim.scenario.tracks import CAPACITIES
-from sblcosim.simulation import c_libraries
-from sblcosim.simulation.masters import lanes_driver, native
+from sblcosim.simulation.masters import c_libraries, lanes_driver, native
 
 ROOT = Path(__file__).parents[1]
 SOURCES = ("orchestrator", "models", "fmus", "pyproject.toml", "README.md", "LICENSE")

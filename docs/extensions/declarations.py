@@ -3,7 +3,7 @@
 ``{scenario-keys} TABLE`` lists the keys of a table of a scenario file, from the declarations of the
 components and the schema; ``{commands}`` all commands of ``sblcosim`` with their options;
 ``{json-documents}`` what they print with ``--json``; ``{columns} TABLE`` the columns of a table of
-a run, from `sblcosim.results.columns`.
+a run, from `sblcosim.judge.columns`.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from docutils import nodes
-from sblcosim.cli.base import app
-from sblcosim.cli.documents import DOCUMENTS, schema
+from sblcosim.cli.common.app import app
+from sblcosim.cli.documents.by_command import DOCUMENTS, schema
+from sblcosim.judge.columns import TABLES
 from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.declaration import INT32_MAX, UNITS, Component, Condition, Variable
 from sblcosim.models.settings.assumptions import SOURCES
 from sblcosim.models.settings.keys import default, in_file_units
-from sblcosim.results.columns import TABLES
 from sblcosim.scenario.scenario import Scenario
 from sblcosim.scenario.schema import (
     COMMON,

@@ -7,7 +7,7 @@ and where it begins are not given.
 """
 
 import sblcosim
-from sblcosim.results.figures import plot_path, plot_path_3d
+from sblcosim.results.figures.run import plot_path, plot_path_3d
 
 run = sblcosim.run("paper-scenario-1")
 plot_path(run.record, {})

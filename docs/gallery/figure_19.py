@@ -7,7 +7,7 @@ length are not given by the paper.
 """
 
 import sblcosim
-from sblcosim.results.figures import plot_path, plot_path_3d
+from sblcosim.results.figures.run import plot_path, plot_path_3d
 
 run = sblcosim.run("paper-scenario-2")
 plot_path(run.record, {})

@@ -7,7 +7,7 @@ random path is not given.
 """
 
 import sblcosim
-from sblcosim.results.figures import plot_path_3d
+from sblcosim.results.figures.run import plot_path_3d
 
 run = sblcosim.run("paper-scenario-3")
 plot_path_3d(run.record, {})

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 from .. import lazy
 
 if TYPE_CHECKING:
-    from .advice import Advice, advise
-    from .factorial import Factorial, analyse
-    from .saving import save, save_advice
-    from .study_advice import advice_on_study
+    from .advice.advice import Advice, advise
+    from .advice.of_study import advice_on_study
+    from .advice.saving import save_advice
+    from .two_level.analysis import Factorial, analyse
+    from .two_level.saving import save
     from .workflow import of_study, of_table
 
 __all__ = [
@@ -22,8 +23,9 @@ if not TYPE_CHECKING:  # a checker would take any name for one of ours
     __getattr__, __dir__ = lazy.names(
         __name__,
         {
-            "Advice": "advice", "Factorial": "factorial", "advice_on_study": "study_advice",
-            "advise": "advice", "analyse": "factorial", "of_study": "workflow",
-            "of_table": "workflow", "save": "saving", "save_advice": "saving",
+            "Advice": "advice.advice", "Factorial": "two_level.analysis",
+            "advice_on_study": "advice.of_study", "advise": "advice.advice",
+            "analyse": "two_level.analysis", "of_study": "workflow", "of_table": "workflow",
+            "save": "two_level.saving", "save_advice": "advice.saving",
         },
     )  # fmt: skip

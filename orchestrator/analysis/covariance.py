@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..results.consistency import COVARIANCES, NEES_COLUMNS, TELLING, of_runs
+from ..judge.consistency import COVARIANCES, NEES_COLUMNS, TELLING, of_runs
 
 WRONG = ("optimistic", "pessimistic")
 UNTOLD = ("one run", "unknown")
@@ -27,7 +27,7 @@ def by_point(table: pd.DataFrame, factors: Sequence[str] = ()) -> pd.DataFrame:
     -------
     DataFrame
         ``receiver``, ``frame`` (``absolute``, and ``own_relative`` for who has it), ``point``, the
-        factors' values, the fields of `sblcosim.results.consistency.Verdict`, and ``words``.
+        factors' values, the fields of `sblcosim.judge.consistency.Verdict`, and ``words``.
         Without the receivers and frames that have no NEES.
     """
     rows: list[dict[str, Any]] = []

@@ -12,7 +12,7 @@ from scipy import stats
 
 from ..study.design import Number
 from ..style import ThemeName, new_figure, use
-from .centred import centred
+from .common.centred import centred
 
 
 def means(

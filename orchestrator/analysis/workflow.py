@@ -14,14 +14,14 @@ from ..errors import ConfigurationError
 from ..results.responses import unit_of
 from ..study import store
 from ..study.study import Study, study_of
-from .columns import RESPONSE, column_of, in_choices, needed, words
-from .conditions import of_choices
-from .factorial import Factorial, analyse
-from .general import GeneralFactorial, judged
-from .general import analyse as analyse_levels
-from .options import Error, Transform
-from .sensitivity import Sensitivity
-from .sensitivity import of_table as of_sample
+from .common.columns import RESPONSE, column_of, in_choices, needed, words
+from .common.conditions import of_choices
+from .common.options import Error, Transform
+from .levels.analysis import GeneralFactorial, judged
+from .levels.analysis import analyse as analyse_levels
+from .space.analysis import Sensitivity
+from .space.analysis import of_table as of_sample
+from .two_level.analysis import Factorial, analyse
 
 FACTORIAL = ("full", "fraction")
 """Kinds of designs that have effects."""
@@ -47,7 +47,7 @@ def of_study(
     error: Error = "pure",
     practical: float | None = None,
 ) -> Factorial:
-    """Analyse the runs in a folder of results; see `sblcosim.analysis.factorial.analyse`.
+    """Analyse the runs in a folder of results; see `sblcosim.analysis.two_level.analysis.analyse`.
 
     The tables have the columns' names; what is printed or drawn has the study's labels.
 
@@ -110,7 +110,7 @@ def of_grid(
     transform: Transform = "none",
     practical: float | None = None,
 ) -> GeneralFactorial:
-    """Analyse a design of any levels; see `sblcosim.analysis.general.analyse`.
+    """Analyse a design of any levels; see `sblcosim.analysis.levels.analysis.analyse`.
 
     Conditions are put together first, and receivers that are a factor are one here.
     """

@@ -15,7 +15,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
 from ..data.estimates import Floats
-from ..results.drawing import LINE, short
+from ..results.figures.drawing import LINE, short
 from ..style import SIZE, Theme, ThemeName, new_figure, use
 from ..words.numbers import meters
 from .result import MANY_LOST, AreaMap, part, widened

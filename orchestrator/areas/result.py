@@ -13,9 +13,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from .. import artifacts, style
+from ..judge.definitions import LOST
 from ..lazy import Module
-from ..results.catalogue import Figure, by_name, jobs
-from ..results.definitions import LOST
+from ..results.figures.catalogue import Figure, by_name, jobs
 from ..scenario.scenario import Scenario
 from ..shown import Picture, Shown, verbatim
 from ..tracks.place import Origin

@@ -18,7 +18,7 @@ from ..results.responses import Percentile
 from ..results.sums import responses
 from ..scenario.scenario import Scenario, Source
 from ..scenario.schema import SEED
-from ..simulation.children import Children
+from ..simulation.children.children import Children
 from ..simulation.how import How
 from ..study import parts, study
 from ..study.batch import reduced

@@ -5,9 +5,18 @@ import gc
 import sys
 from io import TextIOWrapper
 
-from . import simulate, tournament, areas, studies, requirements, budgets, components, export
-from . import schemas
-from .base import app
+from .commands import (
+    simulate,
+    tournament,
+    areas,
+    studies,
+    requirements,
+    budgets,
+    components,
+    export,
+)
+from .commands import schemas
+from .common.app import app
 
 
 def main() -> None:

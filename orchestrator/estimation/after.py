@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
 
-    from ..results.artist import Artist
+    from ..results.figures.artist import Artist
 
 SMOOTHER = "smoother"
 """Label of the smoother in tables and figures."""

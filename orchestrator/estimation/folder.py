@@ -18,12 +18,12 @@ from sblcosim.fmus import files
 from sblcosim.fmus.host.nanoseconds import nanoseconds
 
 from .. import manifests
+from ..data.description import RunDescription
 from ..data.estimates import Estimates, Integers
 from ..data.record import Record
 from ..data.truth import TRUTH
 from ..errors import ConfigurationError, ConfigurationWarning, one_line, shortened
 from ..manifests import HASHES, MANIFEST, OTHER
-from ..results.description import RunDescription
 from ..results.result import MADE, Result
 from ..scenario.reading import shown
 from ..scenario.scenario import Scenario, load

@@ -17,7 +17,7 @@ from ..errors import ConfigurationError
 from ..scenario.files import naming_files
 from ..scenario.overrides import Changes
 from ..scenario.scenario import Receivers, Scenario, Source, load
-from ..simulation.plan import Plan
+from ..simulation.plans.plan import Plan
 from .parts import fmu_plan, links_of, outputs_of, parts_of, step_ns, written
 
 TOOLBOX = "fmu-manipulation-toolbox"

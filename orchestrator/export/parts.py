@@ -22,7 +22,7 @@ from ..errors import ConfigurationError
 from ..scenario.labels import RAW
 from ..scenario.scenario import Receivers, Scenario, Source
 from ..scenario.wiring import connect
-from ..simulation.plan import Plan, PlannedComponent
+from ..simulation.plans.plan import Plan, PlannedComponent
 from ..simulation.resolve import resolve
 from ..simulation.system import System
 

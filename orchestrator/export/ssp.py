@@ -29,7 +29,7 @@ from ..packages.structure import DESCRIPTION, NAMESPACES
 from ..scenario.files import naming_files
 from ..scenario.overrides import Changes
 from ..scenario.scenario import Receivers, Scenario, Source, load
-from ..simulation.plan import Plan
+from ..simulation.plans.plan import Plan
 from .parts import (
     ExportedPart,
     fmu_plan,

@@ -11,7 +11,7 @@ from sblcosim.fmus.read.ports import Fmu
 
 from ..errors import ConfigurationError
 from ..layout import fitted, table
-from ..simulation.plan import Plan, PlannedComponent
+from ..simulation.plans.plan import Plan, PlannedComponent
 from ..simulation.system import Conversion
 from ..words.lists import counted
 from .documents import some

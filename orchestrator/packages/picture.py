@@ -18,7 +18,7 @@ from xml.sax.saxutils import escape
 from sblcosim.fmus.files import write_file
 
 from ..errors import ConfigurationError
-from ..simulation.plan import Plan
+from ..simulation.plans.plan import Plan
 from ..style import THEMES
 from .drawing import Line, about, intervals, lines_of
 from .read import Package

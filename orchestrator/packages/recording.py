@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from .. import artifacts, shown, style
+from ..judge.consistency import Verdict
 from ..layout import fitted, table
-from ..results.consistency import Verdict
 from ..results.result import Result
 
 if TYPE_CHECKING:
-    from ..results.artist import Artist
+    from ..results.figures.artist import Artist
 
 
 class Recording(Result):

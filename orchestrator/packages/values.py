@@ -10,7 +10,7 @@ from sblcosim.fmus.read.ports import Port
 from sblcosim.models.declaration import Number
 
 from ..errors import ConfigurationError, nearest, quoted
-from ..simulation.settings import checked
+from ..simulation.plans.settings import checked
 from ..simulation.system import Conversion, Value
 from .documents import some
 from .parameters import Parameter

@@ -6,11 +6,11 @@ from pathlib import Path
 
 from sblcosim.models.ports import REQUIRED_ESTIMATE
 
+from ..data.description import RunDescription
 from ..data.truth import TRUTH
 from ..packages.read import Package
-from ..results.description import RunDescription
 from ..scenario.schema import CORE_COMPONENTS
-from ..simulation.plan_checks import check_size
+from ..simulation.plans.checks import check_size
 from ..simulation.resolve import resolve
 from .prepared import Prepared, origins_of, shortening
 

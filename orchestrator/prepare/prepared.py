@@ -10,9 +10,9 @@ from typing import Any
 
 from sblcosim.fmus.host.nanoseconds import SECOND, text_of
 
-from ..results.description import RunDescription
+from ..data.description import RunDescription
 from ..scenario.scenario import Source
-from ..simulation.plan import Plan
+from ..simulation.plans.plan import Plan
 from ..simulation.system import System
 
 

@@ -7,16 +7,16 @@ from collections.abc import Mapping
 from sblcosim.fmus.host.nanoseconds import nanoseconds
 from sblcosim.fmus.read.ports import Fmu
 
+from ..data.description import RunDescription
 from ..data.truth import TRUTH
 from ..errors import ConfigurationError, nearest
-from ..results.description import RunDescription
 from ..scenario.labels import RAW
 from ..scenario.scenario import Receivers, Scenario, Source
 from ..scenario.schema import CORE_COMPONENTS
 from ..scenario.sources import choice_of
 from ..scenario.wiring import applied, connected
-from ..simulation.plan import Plan
-from ..simulation.plan_checks import check_size
+from ..simulation.plans.checks import check_size
+from ..simulation.plans.plan import Plan
 from ..simulation.resolve import resolve
 from .prepared import Prepared, origins_of, shortening
 

@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from .. import artifacts
-from ..analysis.factorial import Factorial
-from ..results.definitions import LOST
+from ..analysis.two_level.analysis import Factorial
+from ..judge.definitions import LOST
 from ..results.responses import ORDER_STATISTIC
 from ..scenario.schema import toml
 from ..study.study import Study

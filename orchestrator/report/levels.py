@@ -7,18 +7,18 @@ from pathlib import Path
 
 import pandas as pd
 
-from ..analysis import general_figures as plots
-from ..analysis import general_sentences as sentences
-from ..analysis.general import GeneralFactorial
-from ..results.catalogue import Figure, by_name
-from ..results.definitions import LOST
+from ..analysis.levels import figures as plots
+from ..analysis.levels import sentences
+from ..analysis.levels.analysis import GeneralFactorial
+from ..judge.definitions import LOST
+from ..results.figures.catalogue import Figure, by_name
 from ..study.study import Study
 from ..words.numbers import interval, number, probability
 from ..words.shares import percent
 from .common import DEFINITIONS
-from .factorial import factor_table
 from .page import PageTable, Text
 from .parts import StudySections, pictures
+from .two_level import factor_table
 
 MOST_ROWS = 60
 """Pairs of levels that a table of the page shows; the file has all."""

@@ -10,15 +10,16 @@ import numpy as np
 import pandas as pd
 
 from .. import layout
-from ..analysis import columns, sweep
-from ..results.catalogue import Figure, by_name
+from ..analysis import sweep
+from ..analysis.common import columns
+from ..results.figures.catalogue import Figure, by_name
 from ..results.responses import defined, unit_of
 from ..study.study import Study
 from ..words.numbers import interval, number, quantity
 from .common import DEFINITIONS
-from .factorial import factor_table
 from .page import Block, PageTable, Text
 from .parts import StudySections, pictures
+from .two_level import factor_table
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +47,7 @@ class Means:
     answer: str
 
     def text(self, *, verbose: bool = False, width: int | None = None) -> str:
-        """The answer, then the table; as `sblcosim.analysis.factorial.Factorial.text`."""
+        """The answer, then the table; as `sblcosim.analysis.two_level.analysis.Factorial.text`."""
         shown = self.table.replace({"factor": self.study.labels})
         shown = shown if self.study.factors else shown.drop(columns=["factor", "value"])
         rows = [[x if isinstance(x, str) else f"{x:.4g}" for x in row] for row in shown.to_numpy()]

@@ -10,7 +10,7 @@ from typing import TypeVar
 import pandas as pd
 
 from .. import artifacts
-from ..results.catalogue import Figure, jobs
+from ..results.figures.catalogue import Figure, jobs
 from .page import Block, PagePicture
 
 Subject = TypeVar("Subject")

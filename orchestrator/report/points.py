@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import pandas as pd
 
-from ..results.definitions import LOST
+from ..judge.definitions import LOST
 from ..study.study import Study
 from ..words.numbers import number, quantity
 from ..words.shares import tight_percent

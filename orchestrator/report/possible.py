@@ -15,9 +15,9 @@ import pandas as pd
 
 from ..api import run
 from ..errors import SblcosimError
+from ..judge.over_runs import pooled_by
 from ..limits.run import of_run
 from ..limits.verdict import Possible
-from ..results.over_runs import pooled_by
 from ..scenario.scenario import Scenario
 from ..scenario.wiring import connect
 from ..simulation.resolve import resolve

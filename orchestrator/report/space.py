@@ -9,18 +9,18 @@ from typing import Any
 
 import pandas as pd
 
-from ..analysis import sensitivity_figures as plots
-from ..analysis import sensitivity_sentences
-from ..analysis.sensitivity import Sensitivity
+from ..analysis.space import figures as plots
+from ..analysis.space import sentences
+from ..analysis.space.analysis import Sensitivity
 from ..layout import fitted
-from ..results.catalogue import Figure, by_name
+from ..results.figures.catalogue import Figure, by_name
 from ..results.responses import defined
 from ..study.study import Study
 from ..words.numbers import interval, number
 from .common import DEFINITIONS
-from .factorial import factor_table
 from .page import PageTable, Text
 from .parts import StudySections, pictures
+from .two_level import factor_table
 
 METHOD = (
     "Sobol' indices: the first-order index of a factor is the share of the variance that its value "
@@ -91,8 +91,8 @@ def parts(indices: Indices, folder: Path) -> StudySections:
     study, main = indices.study, indices.main
     return StudySections(
         f"What explains the error: {study.name}",
-        sensitivity_sentences.answer(main),
-        [line for one in indices.of for line in sensitivity_sentences.notes(one)],
+        sentences.answer(main),
+        [line for one in indices.of for line in sentences.notes(one)],
         pictures(FIGURES, indices, folder),
         [_table(one) for one in indices.of],
         [Text(METHOD), *([] if study.model else [Text(DEFINITIONS)]), factor_table(study)],

@@ -13,24 +13,27 @@ import pandas as pd
 from sblcosim.fmus.stopping import interruptible
 
 from .. import artifacts
-from ..analysis import columns, covariance, saving, workflow
-from ..analysis.general import GeneralFactorial
-from ..analysis.options import Error, Transform
+from ..analysis import covariance, workflow
+from ..analysis.common import columns
+from ..analysis.common.options import Error, Transform
+from ..analysis.levels.analysis import GeneralFactorial
+from ..analysis.two_level import saving
 from ..errors import ConfigurationError
-from ..results.consistency import TELLING
-from ..results.definitions import FRAME_WORDS
+from ..judge.consistency import TELLING
+from ..judge.definitions import FRAME_WORDS
 from ..study import store
 from ..study.study import Study, load, shipped, study_of
 from ..words.lists import plural
 from ..words.numbers import interval, number
-from . import factorial, levels, means, points, possible, space
+from . import levels, means, points, possible, space
+from . import two_level as factorial
 from .common import DEFINITIONS, as_toml, method, reproduce, seeding
-from .factorial import Findings
-from .figures import FIGURES
 from .means import Means
 from .page import Block, Page, PagePicture, PageTable, Section, Text, render
 from .parts import StudySections
 from .space import Indices
+from .two_level import Findings
+from .two_level_figures import FIGURES
 
 REPORT = "report.html"
 

@@ -12,8 +12,8 @@ import numpy as np
 import pandas as pd
 
 from .. import layout
-from ..comparison.statistics import share_interval
-from ..results.definitions import LOST
+from ..comparison.common.statistics import share_interval
+from ..judge.definitions import LOST
 from ..scenario.scenario import Scenario
 from ..shown import Shown, folded, page, verbatim
 from ..words.lists import doing, listed, plural

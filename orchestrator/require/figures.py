@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ..results.drawing import free_places
+from ..results.figures.drawing import free_places
 from ..style import LINES, SMALL, Theme, ThemeName, new_figure, use
 from ..words.shares import percent
 from .answer import Answer

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ..comparison import sources
+from ..comparison.budget import sources
 from ..errors import NoEffectWarning
 from ..scenario.error_sources import SOURCES
 from ..scenario.scenario import Scenario, Source

@@ -15,8 +15,8 @@ import pandas as pd
 from numpy.typing import NDArray
 from pydantic import Field, ValidationError
 
-from ..analysis.conditions import BETTER_IF_LARGE
-from ..analysis.costs import of_levels
+from ..analysis.advice.costs import of_levels
+from ..analysis.common.conditions import BETTER_IF_LARGE
 from ..errors import ConfigurationError, instance, nearest, quoted, shortened
 from ..results.responses import ON_REQUEST, RESPONSES, check_limit, unit_of
 from ..scenario import library

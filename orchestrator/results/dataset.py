@@ -6,7 +6,7 @@ What is in it, by dimension:
   outputs that our receivers can have are stacked along ``receiver``, as ``receiver_position``; any
   other output of a receiver has its label, ``mine_bias``.
 - ``epoch``: the times to which estimates belong, of all receivers together. ``estimate``, ``error``
-  and so on are those of `sblcosim.results.metrics.track`; ``frame`` is what an error is relative
+  and so on are those of `sblcosim.judge.metrics.track`; ``frame`` is what an error is relative
   to. Of several estimates of a receiver for one epoch, the last is here.
 - ``axis`` (x, y, z: north, east, down), ``angle`` (roll, pitch, yaw), ``beacon`` (1 to N), and
   ``state``, the order of covariances.
@@ -31,9 +31,9 @@ from sblcosim.models import COMPONENTS
 from sblcosim.models.declaration import Dimension, Variable
 from sblcosim.models.ports import BEACONS, ESTIMATE, SYSTEM
 
+from ..data.description import RunDescription
 from ..errors import ConfigurationError
-from .definitions import AXES, FRAMES, PREFIXES
-from .description import RunDescription
+from ..judge.definitions import AXES, FRAMES, PREFIXES
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -67,7 +67,7 @@ def dataset(
     Parameters
     ----------
     tracks
-        What `sblcosim.results.metrics.track` returns, by receiver.
+        What `sblcosim.judge.metrics.track` returns, by receiver.
 
     Raises
     ------

@@ -9,9 +9,9 @@ import pandas as pd
 
 from .. import shown
 from ..errors import SblcosimError
+from ..judge.columns import ERRORS
+from ..judge.definitions import FRAME_WORDS
 from . import text
-from .columns import ERRORS
-from .definitions import FRAME_WORDS
 
 _HEADS = {
     "absolute": "absolute",

@@ -26,10 +26,7 @@ from numpy.typing import NDArray
 
 from ..data.record import Record
 from ..errors import ConfigurationError, instance, shortened
-from ..shown import Shown
-from ..simulation.masters.lanes_driver import LENGTHS
-from ..simulation.user_code import InFile, by_value, foreseen, said
-from .definitions import (
+from ..judge.definitions import (
     AXES,
     FRAMES,
     LOST,
@@ -44,7 +41,10 @@ from .definitions import (
     order_statistics,
     percentile_column,
 )
-from .metrics import availability, lost
+from ..judge.metrics import availability, lost
+from ..shown import Shown
+from ..simulation.code.user_code import InFile, by_value, foreseen, said
+from ..simulation.masters.lanes_driver import LENGTHS
 from .more import rows
 
 Floats = NDArray[np.float64]

@@ -10,16 +10,17 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from .. import artifacts, style
+from ..data.description import RunDescription
 from ..data.record import frame_of
 from ..data.truth import of_record
+from ..judge import metrics, possible
+from ..judge.consistency import NEES_COLUMNS, Verdict, of_runs
 from ..lazy import Module
 from ..scenario.labels import RAW
 from ..shown import Picture, Shown
-from . import metrics, more, notebook, possible, text
-from .artist import drawing
-from .catalogue import Figure, by_name, jobs
-from .consistency import NEES_COLUMNS, Verdict, of_runs
-from .description import RunDescription
+from . import more, notebook, text
+from .figures.artist import drawing
+from .figures.catalogue import Figure, by_name, jobs
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -29,11 +30,11 @@ if TYPE_CHECKING:
     from ..data.estimates import Estimates, Integers
     from ..data.record import Record
     from ..data.truth import Truth
+    from ..judge.definitions import Judged
     from ..limits.verdict import Limits, Possible
-    from .artist import Artist
-    from .definitions import Judged
+    from .figures.artist import Artist
 
-plots = Module("sblcosim.results.figures")
+plots = Module("sblcosim.results.figures.run")
 MADE = "estimates-"
 """What names of files with estimates that were made after the run begin with."""
 
@@ -202,7 +203,7 @@ class Result(Shown):
     def consistency(self) -> dict[str, dict[str, Verdict]]:
         """What this one run says of the covariances, by receiver and frame.
 
-        See `sblcosim.results.consistency`; of several runs, a study says more.
+        See `sblcosim.judge.consistency`; of several runs, a study says more.
         """
         nees = {name: self._judged[column].astype(float) for name, column in NEES_COLUMNS.items()}
         return {
@@ -247,17 +248,17 @@ class Result(Shown):
         return getattr(self.scenario, "title", "") or self.scenario_name
 
     def plot_path(self, ax: Axes | None = None, theme: style.ThemeName = "light") -> Picture:
-        """Map of the path and the estimates; see `sblcosim.results.figures.plot_path`."""
+        """Map of the path and the estimates; see `sblcosim.results.figures.run.plot_path`."""
         return Picture(plots.plot_path(self.record, self.estimates, ax, theme), ax)
 
     def plot_path_3d(self, ax: Axes3D | None = None, theme: style.ThemeName = "light") -> Picture:
-        """Path and estimates in space; see `sblcosim.results.figures.plot_path_3d`."""
+        """Path and estimates in space; see `sblcosim.results.figures.run.plot_path_3d`."""
         return Picture(plots.plot_path_3d(self.record, self.estimates, ax, theme), ax)
 
     def plot_axes(
         self, axes: Sequence[Axes] | None = None, theme: style.ThemeName = "light"
     ) -> Picture:
-        """Coordinates over time, three axes; see `sblcosim.results.figures.plot_axes`."""
+        """Coordinates over time, three axes; see `sblcosim.results.figures.run.plot_axes`."""
         return Picture(plots.plot_axes(self.record, self.estimates, axes, theme), axes)
 
     def plot_errors(
@@ -266,14 +267,14 @@ class Result(Shown):
         frame: str = "absolute",
         theme: style.ThemeName = "light",
     ) -> Picture:
-        """Errors over time with ±2σ, four axes; see `sblcosim.results.figures.plot_errors`."""
+        """Errors over time with ±2σ, four axes; see `sblcosim.results.figures.run.plot_errors`."""
         drawn = plots.plot_errors(self.record, self.estimates, axes, frame, self.limits, theme)
         return Picture(drawn, axes)
 
     def plot_inclination(
         self, axes: Sequence[Axes] | None = None, theme: style.ThemeName = "light"
     ) -> Picture:
-        """Angles of the platform, three axes; see `sblcosim.results.figures.plot_inclination`."""
+        """Angles of the platform; see `sblcosim.results.figures.run.plot_inclination`."""
         return Picture(plots.plot_inclination(self.record, axes, theme=theme), axes)
 
     def to_xarray(self) -> xr.Dataset:
@@ -301,7 +302,7 @@ class Result(Shown):
             What to do if the folder holds the result of another run: ``"refuse"``, ``"replace"``,
             or ``"number"``, which appends the next free number.
         artist
-            Draws the figures meanwhile; see `sblcosim.results.artist.forked_artist`.
+            Draws the figures meanwhile; see `sblcosim.results.figures.artist.forked_artist`.
 
         Returns
         -------

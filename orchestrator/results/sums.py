@@ -1,7 +1,7 @@
 """Turn the sums of a run into responses: errors, consistency, availability.
 
 The sums are computed during a run (``c/lanes_master.c``) or from its record (`sums_of`). This
-module turns them into a table. Their terms are defined in `sblcosim.results.definitions`.
+module turns them into a table. Their terms are defined in `sblcosim.judge.definitions`.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ..judge.definitions import AXES, FRAMES, PREFIXES, errors_of, in_order, inconsistent, lost
 from ..simulation.masters.lanes_driver import SUMS
-from .definitions import AXES, FRAMES, PREFIXES, errors_of, in_order, inconsistent, lost
 from .responses import Run
 
 Floats = NDArray[np.float64]
@@ -44,7 +44,7 @@ def responses(sums: Floats, duration_ns: int | NDArray[np.int64]) -> pd.DataFram
         ``nees_position`` and ``nis`` (time means,
         NaN if there are none), ``nis_degrees`` (total), ``availability``, ``updates``,
         ``inconsistent`` (missing without any NEES), ``lost``, ``broken``: whether any estimate is
-        broken, and ``own_relative_nees_{position,estimates}``; see `sblcosim.results.definitions`.
+        broken, and ``own_relative_nees_{position,estimates}``; see `sblcosim.judge.definitions`.
     """
     s: Mapping[str, Floats] = dict(zip(SUMS, sums.T, strict=True))
     columns: dict[str, Any] = {"estimates": s["estimates"].astype(np.int64)}

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 import pandas as pd
 
+from ..judge import possible
+from ..judge.columns import CHI_SQUARES, ERRORS, PERCENTILES, RunTable, TableColumn
+from ..judge.consistency import COVARIANCES, Verdict
+from ..judge.definitions import AXES, FRAMES, Judged
 from ..layout import WIDTH, fitted
 from ..scenario.labels import RAW
 from ..words.lists import plural
 from ..words.numbers import meters
 from ..words.shares import percent
-from . import possible
-from .columns import CHI_SQUARES, ERRORS, PERCENTILES, RunTable, TableColumn
-from .consistency import COVARIANCES, Verdict
-from .definitions import AXES, FRAMES, Judged
 
 if TYPE_CHECKING:
     from ..data.record import Record

@@ -10,16 +10,16 @@ from typing import Any
 from sblcosim.fmus.host.watch import watch
 
 from ..errors import ConfigurationError, escaped, quoted
-from ..simulation.children import Children
-from ..simulation.user_code import Gone, InFile, fingerprint
-from ..simulation.user_files import call, function_of_file
+from ..simulation.children.children import Children
+from ..simulation.code.user_code import Gone, InFile, fingerprint
+from ..simulation.user.files import call, function_of_file
 from .responses import RESPONSES, Response, Run, readable, value_of
 
 
 def of_function(function: Callable[[Run], Any]) -> Response:
     """The response that a function is.
 
-    It is known by its code and all that it refers to, as `sblcosim.simulation.identity` says.
+    It is known by its code and all that it refers to, as `sblcosim.simulation.code.identity` says.
 
     Raises
     ------

@@ -18,11 +18,11 @@ from sblcosim.models.ports import BEACON_POSITIONS, PING_POSE, RECEPTION
 from sblcosim.models.settings.keys import to_si
 
 from ..errors import ConfigurationError, nearest
-from ..simulation.alike import alike
+from ..simulation.plans.alike import alike
 from ..simulation.receiver import for_beacons
 from ..simulation.system import ComponentSpec, Value
-from ..simulation.user_files import variables_of
-from ..simulation.user_receivers import of_fmu, of_folder
+from ..simulation.user.files import variables_of
+from ..simulation.user.receivers import of_fmu, of_folder
 from . import tracks
 from .own_keys import values_of
 from .scenario import Scenario, Source

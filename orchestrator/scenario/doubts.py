@@ -8,8 +8,8 @@ from collections.abc import Iterator, Mapping
 from sblcosim.models.receiver.receivers import FOUND
 from sblcosim.models.settings.beacons import beacons_of
 
-from ..simulation.alike import alike
-from ..simulation.user_receivers import of_fmu
+from ..simulation.plans.alike import alike
+from ..simulation.user.receivers import of_fmu
 from . import arrangement
 from .scenario import Scenario, Source
 from .tracks import ABOVE

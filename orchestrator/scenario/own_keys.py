@@ -9,9 +9,9 @@ from pydantic import ValidationError
 from sblcosim.models.settings.keys import in_si
 
 from ..errors import ConfigurationError, nearest, quoted, shortened
-from ..simulation.alike import alike
+from ..simulation.plans.alike import alike
 from ..simulation.system import Value
-from ..simulation.user_receivers import UserReceiver
+from ..simulation.user.receivers import UserReceiver
 from .messages import requirement
 from .scenario import Scenario
 from .schema import Table, table_class, toml

@@ -22,7 +22,7 @@ from sblcosim.models.settings.presets import PRESET_TABLES, preset
 from sblcosim.models.settings.times import update_interval
 
 from ..errors import ConfigurationError, instance, resolved, shortened
-from ..simulation.alike import alike
+from ..simulation.plans.alike import alike
 from ..simulation.system import PythonComponent
 from ..tracks.resample import TooFewError
 from . import arrangement, effects, files, library, packets, tracks

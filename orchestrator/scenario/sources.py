@@ -11,9 +11,9 @@ from pathlib import Path
 from sblcosim.models import RECEIVERS
 
 from ..errors import ConfigurationError, check_choice, instance, nearest, quoted
-from ..simulation.user_code import PythonSource, is_python
-from ..simulation.user_files import component_of_file
-from ..simulation.user_receivers import of_fmu, of_folder
+from ..simulation.code.user_code import PythonSource, is_python
+from ..simulation.user.files import component_of_file
+from ..simulation.user.receivers import of_fmu, of_folder
 from .labels import RAW
 from .reading import shown
 from .scenario import Receivers, Scenario, Source

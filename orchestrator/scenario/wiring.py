@@ -27,9 +27,9 @@ from ..errors import (
     nearest,
     shortened,
 )
-from ..simulation.alike import alike
 from ..simulation.execution import initial_outputs
-from ..simulation.settings import facts_of
+from ..simulation.plans.alike import alike
+from ..simulation.plans.settings import facts_of
 from ..simulation.system import ComponentSpec, Connection, System, Value
 from . import effects
 from .components import Part, described, foreign, names_of, ours_of, ports_of_source, receiver_of

@@ -31,10 +31,8 @@ from sblcosim.fmus.host.watch import Progress, Watch, install
 
 from ..data.record import Record
 from ..errors import BuildError, ConfigurationError, SblcosimError, one_line
-from . import user_code
-from .masters import native, python
-from .memory import Memory, up
-from .messages import (
+from .children.memory import Memory, up
+from .children.messages import (
     Added,
     Begun,
     Call,
@@ -48,9 +46,11 @@ from .messages import (
     TaskEnded,
     read,
 )
+from .children.state import CALLING, LOOP, OUTSIDE, SIZE, State, receive, send
+from .code import user_code
+from .code.user_code import PythonSource, raised
+from .masters import native, python
 from .shared import Shared
-from .state import CALLING, LOOP, OUTSIDE, SIZE, State, receive, send
-from .user_code import PythonSource, raised
 
 _P = ParamSpec("_P")
 _R = TypeVar("_R")

@@ -12,10 +12,11 @@ from sblcosim.fmus.read.ports import Fmu
 
 from ..data.record import Record
 from ..errors import BuildError, ConfigurationError, FmuError, SblcosimError, check_choice
-from . import isolation, process
-from .children import Children
+from . import isolation
+from .children import process
+from .children.children import Children
 from .masters import lanes, native, python
-from .plan import Plan
+from .plans.plan import Plan
 from .resolve import resolve
 from .system import ComponentSpec, System
 

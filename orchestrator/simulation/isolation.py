@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 
 from ..data.record import Record
 from ..errors import ConfigurationWarning
-from .children import Children
+from .children.children import Children
+from .children.messages import Execute, Here, InitialOutputs
+from .children.process import PATIENCE, Process, from_files, strangers
 from .masters import native
 from .masters.python import alone, chosen
-from .messages import Execute, Here, InitialOutputs
-from .plan import Plan, PlannedComponent
-from .process import PATIENCE, Process, from_files, strangers
+from .plans.plan import Plan, PlannedComponent
 from .system import ComponentSpec, PythonComponent
 
 

@@ -35,8 +35,8 @@ from sblcosim.models.ports import (
 
 from ..errors import ConfigurationError, instance, nearest, quoted
 from ..shown import Shown
+from .code.user_code import InFile, PythonSource
 from .system import PythonComponent
-from .user_code import InFile, PythonSource
 
 Floats = NDArray[np.float64]
 

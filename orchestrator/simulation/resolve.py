@@ -17,12 +17,12 @@ from sblcosim.fmus.read.description import split
 from sblcosim.fmus.read.ports import Fmu, Port
 
 from ..errors import ConfigurationError, ConfigurationWarning, nearest
-from .alike import alike
-from .plan import TICK_PARAMETERS, Column, Plan, PlannedComponent, Read, Setting, Write
-from .plan_checks import check_freshness, check_instances, check_ticks, check_updates_follow_pings
-from .settings import settings_of, texts_of, with_article
+from .plans.alike import alike
+from .plans.checks import check_freshness, check_instances, check_ticks, check_updates_follow_pings
+from .plans.plan import TICK_PARAMETERS, Column, Plan, PlannedComponent, Read, Setting, Write
+from .plans.settings import settings_of, texts_of, with_article
 from .system import ComponentSpec, Connection, Conversion, PythonComponent, System
-from .user_files import variables_of
+from .user.files import variables_of
 
 _LIKE_OUTPUTS = ("local", "calculatedParameter")
 """What can be read of an FMU as its outputs are."""

@@ -22,12 +22,12 @@ from ..results.responses import Run as Observed
 from ..results.sums import PORTS, responses, sums_of
 from ..results.user_responses import values_of
 from ..simulation import execution
-from ..simulation.children import Children
+from ..simulation.children.children import Children
+from ..simulation.children.process import patience
 from ..simulation.how import How
 from ..simulation.masters import lanes
 from ..simulation.masters.lanes_driver import LENGTHS, SUMS
-from ..simulation.plan import Plan
-from ..simulation.process import patience
+from ..simulation.plans.plan import Plan
 from ..simulation.system import System
 from . import stand_in
 from .campaign import Campaign, Run

@@ -36,12 +36,12 @@ from ..scenario.schema import CORE_COMPONENTS
 from ..scenario.sources import choose
 from ..scenario.wiring import connect, no_effect
 from ..simulation import execution
-from ..simulation.alike import alike
+from ..simulation.children.process import check_patience, patience
 from ..simulation.how import HOW, How
-from ..simulation.plan import Plan, PlannedComponent
-from ..simulation.process import check_patience, patience
+from ..simulation.plans.alike import alike
+from ..simulation.plans.plan import Plan, PlannedComponent
+from ..simulation.plans.settings import facts_of
 from ..simulation.resolve import resolve
-from ..simulation.settings import facts_of
 from ..simulation.system import ComponentSpec, Connection, System
 from .definition import Definition
 from .groups import Group, Point, grouped

@@ -17,7 +17,7 @@ from ..scenario import effects
 from ..scenario.scenario import Scenario
 from ..scenario.scenario import load as load_scenario
 from ..scenario.schema import SEED, Name, Table
-from ..simulation.user_code import PythonSource, check
+from ..simulation.code.user_code import PythonSource, check
 from . import design as designs
 from . import drawn
 from .design import Design, Factor, Number

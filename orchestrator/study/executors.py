@@ -37,10 +37,10 @@ from sblcosim.fmus.host.libraries import ours, trust
 from sblcosim.fmus.read.ports import Fmu
 
 from ..errors import ConfigurationError, SblcosimError, check_choice, one_line
-from ..simulation.children import Children
+from ..simulation.children.children import Children
+from ..simulation.code.user_code import InFile
 from ..simulation.how import HOW, How
-from ..simulation.user_code import InFile
-from ..simulation.user_files import for_others
+from ..simulation.user.files import for_others
 from .batch import simulate
 from .campaign import Campaign, Run
 

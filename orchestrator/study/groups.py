@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from sblcosim.models import COMPONENTS
 
 from ..simulation.masters import lanes_driver, native
-from ..simulation.plan import TICK_PARAMETERS, Plan
+from ..simulation.plans.plan import TICK_PARAMETERS, Plan
 from ..simulation.system import ComponentSpec, System
 from .design import Level
 

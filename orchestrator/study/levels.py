@@ -11,7 +11,7 @@ from sblcosim.models import RECEIVERS
 from ..errors import ConfigurationError, instance, quoted, resolved, shortened
 from ..scenario.reading import parse, read_text, shown
 from ..scenario.sources import known_source, labelled, named
-from ..simulation.user_code import component_of, is_python
+from ..simulation.code.user_code import component_of, is_python
 from .tables import RECEIVERS_KEY, VARIED
 
 

@@ -17,9 +17,9 @@ from sblcosim.fmus.stopping import interruptible
 
 from ..errors import resolved
 from ..scenario.files import naming_files
-from ..simulation.children import Children
+from ..simulation.children.children import Children
+from ..simulation.children.process import foreign
 from ..simulation.how import HOW, How
-from ..simulation.process import foreign
 from . import executors, parts
 from .batch import simulate, steps_of
 from .campaign import (

@@ -24,9 +24,9 @@ from sblcosim.fmus import stopping
 from sblcosim.fmus.host.watch import watch
 
 from ..errors import ConfigurationError, escaped, instance, nearest, quoted, shortened
-from ..simulation.children import Children
-from ..simulation.user_code import Gone, InFile, by_value, fingerprint, foreseen, raised
-from ..simulation.user_files import call, function_of_file
+from ..simulation.children.children import Children
+from ..simulation.code.user_code import Gone, InFile, by_value, fingerprint, foreseen, raised
+from ..simulation.user.files import call, function_of_file
 from .distributions import Floats
 from .space import SEED_FACTOR, Sample
 

@@ -24,7 +24,7 @@ from ..scenario.reading import check_values, parse, read_text, shown
 from ..scenario.scenario import Source
 from ..scenario.schema import SEED
 from ..shown import Listing, page
-from ..simulation.user_code import component_of_origin
+from ..simulation.code.user_code import component_of_origin
 from ..words.lists import counted
 from . import levels, runner, store
 from .checks import idle_factors, known_keys, line, problems

@@ -19,7 +19,7 @@ from sblcosim.scenario.scenario import Scenario, load, shipped
 from sblcosim.scenario.schema import CORE_COMPONENTS
 from sblcosim.scenario.wiring import connect
 from sblcosim.simulation.masters import lanes
-from sblcosim.simulation.plan import TICK_PARAMETERS
+from sblcosim.simulation.plans.plan import TICK_PARAMETERS
 from sblcosim.simulation.resolve import resolve
 from sblcosim.simulation.system import System
 from sblcosim.study.groups import Point, grouped

@@ -19,12 +19,12 @@ import sblcosim
 from sblcosim.cli import app
 from sblcosim.errors import ConfigurationError, SblcosimError
 from sblcosim.scenario.sources import known_source
-from sblcosim.simulation import children
-from sblcosim.simulation import process as child_process
-from sblcosim.simulation.children import Children, waiting
-from sblcosim.simulation.messages import Call, Here
-from sblcosim.simulation.user_files import for_others
-from sblcosim.simulation.watched import Watched
+from sblcosim.simulation.children import children
+from sblcosim.simulation.children import process as child_process
+from sblcosim.simulation.children.children import Children, waiting
+from sblcosim.simulation.children.messages import Call, Here
+from sblcosim.simulation.children.watched import Watched
+from sblcosim.simulation.user.files import for_others
 from sblcosim.study import study
 from seams import Seam
 from typer.testing import CliRunner

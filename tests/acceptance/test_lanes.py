@@ -18,11 +18,10 @@ from sblcosim.fmus.build import c_files, compiler, factory
 from sblcosim.results.sums import responses
 from sblcosim.scenario.scenario import shipped
 from sblcosim.scenario.wiring import connect
-from sblcosim.simulation import c_libraries
-from sblcosim.simulation.masters import lanes, lanes_driver
+from sblcosim.simulation.masters import c_libraries, lanes, lanes_driver
 from sblcosim.simulation.masters.lanes import LanesMemory
 from sblcosim.simulation.masters.python import execute
-from sblcosim.simulation.plan import Plan
+from sblcosim.simulation.plans.plan import Plan
 from sblcosim.simulation.resolve import resolve
 from sblcosim.simulation.system import ComponentSpec, Connection, System
 

@@ -17,8 +17,8 @@ from typing import Any
 import html5lib
 import pytest
 from sblcosim.analysis import workflow
-from sblcosim.analysis.factorial import Factorial
-from sblcosim.analysis.ranking import tied
+from sblcosim.analysis.two_level.analysis import Factorial
+from sblcosim.analysis.two_level.ranking import tied
 from sblcosim.cli import app
 from sblcosim.report import paper
 from sblcosim.study import store

@@ -29,9 +29,9 @@ from sblcosim.fmus.read.ports import read
 from sblcosim.models.ports import BEACON_POSITIONS, ESTIMATE, REQUIRED_ESTIMATE, ports
 from sblcosim.scenario.wiring import connect
 from sblcosim.simulation import execution
-from sblcosim.simulation import process as child_process
-from sblcosim.simulation.memory import Memory
-from sblcosim.simulation.plan import Plan
+from sblcosim.simulation.children import process as child_process
+from sblcosim.simulation.children.memory import Memory
+from sblcosim.simulation.plans.plan import Plan
 from sblcosim.simulation.system import ComponentSpec
 from sblcosim.study import runner
 

@@ -18,8 +18,8 @@ import pytest
 import sblcosim
 from sblcosim import analysis, limits, study
 from sblcosim.cli import app
-from sblcosim.cli.documents import DOCUMENTS, schema
-from sblcosim.results.columns import TABLES
+from sblcosim.cli.documents.by_command import DOCUMENTS, schema
+from sblcosim.judge.columns import TABLES
 from sblcosim.results.responses import RESPONSES
 from sblcosim.scenario.scenario import Scenario, load
 from sblcosim.study.definition import Definition

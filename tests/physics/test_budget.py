@@ -6,7 +6,7 @@ from functools import cache
 
 import pytest
 import sblcosim
-from sblcosim.comparison.budget_result import ALL, Budget
+from sblcosim.comparison.budget.result import ALL, Budget
 
 THREE, FOUR = "heading + clock + sound speed", "GPS + heading + clock + sound speed"
 KNOWN = {

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import sblcosim
-from sblcosim.results.over_runs import pooled
+from sblcosim.judge.over_runs import pooled
 from sblcosim.results.sums import responses
 from sblcosim.scenario.likes import LIKES
 from sblcosim.scenario.wiring import connect

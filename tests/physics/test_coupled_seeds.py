@@ -14,11 +14,11 @@ import pytest
 import sblcosim
 from numpy.typing import NDArray
 from sblcosim import limits
-from sblcosim.results.over_runs import pooled
+from sblcosim.judge.over_runs import pooled
 from sblcosim.results.sums import responses
 from sblcosim.scenario.wiring import connect
 from sblcosim.simulation.masters.lanes import RunsOutcome, execute
-from sblcosim.simulation.plan import Plan
+from sblcosim.simulation.plans.plan import Plan
 from sblcosim.simulation.resolve import resolve
 from sblcosim.simulation.system import Connection
 

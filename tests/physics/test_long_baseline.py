@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import sblcosim
 from sblcosim import limits
-from sblcosim.results.over_runs import pooled
+from sblcosim.judge.over_runs import pooled
 from sblcosim.results.sums import responses
 from sblcosim.scenario.wiring import connect
 from sblcosim.simulation.masters.lanes import execute

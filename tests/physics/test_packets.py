@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 import sblcosim
 from numpy.typing import NDArray
+from sblcosim.judge.over_runs import pooled
 from sblcosim.models.acoustics.variables import PACKET_CONTENT
-from sblcosim.results.over_runs import pooled
 from sblcosim.results.sums import responses
 from sblcosim.scenario.scenario import shipped
 from sblcosim.scenario.wiring import connect

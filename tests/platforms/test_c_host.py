@@ -24,7 +24,7 @@ from sblcosim.fmus.read.ports import Fmu
 from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.scenario.wiring import connect
 from sblcosim.simulation import execution
-from sblcosim.simulation.plan import Plan, PlannedComponent
+from sblcosim.simulation.plans.plan import Plan, PlannedComponent
 from sblcosim.simulation.resolve import resolve
 from sblcosim.simulation.system import ComponentSpec, Connection, System
 

@@ -12,8 +12,8 @@ from itertools import combinations, product
 import numpy as np
 import pandas as pd
 import pytest
-from sblcosim.analysis.factorial import Factorial, analyse
-from sblcosim.analysis.noise import lenth
+from sblcosim.analysis.two_level.analysis import Factorial, analyse
+from sblcosim.analysis.two_level.noise import lenth
 from sblcosim.study.design import INTERACTION_SIGN
 
 PLASMA = (

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
-from sblcosim.analysis.general import analyse
+from sblcosim.analysis.levels.analysis import analyse
 from sblcosim.study.design import INTERACTION_SIGN
 from scipy import stats
 from statsmodels.stats.multitest import multipletests

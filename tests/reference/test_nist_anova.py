@@ -16,7 +16,8 @@ from math import log10
 import numpy as np
 import pandas as pd
 import pytest
-from sblcosim.analysis import factorial, general
+from sblcosim.analysis.levels import analysis as general
+from sblcosim.analysis.two_level import analysis as factorial
 
 SETS = ["SiRstv", "AtmWtAg", *(f"SmLs0{i}" for i in range(1, 10))]
 DIGITS = 12 - 0.5

@@ -16,7 +16,7 @@ from typing import Any
 
 import pytest
 from sblcosim import artifacts, manifests
-from sblcosim.cli.base import app
+from sblcosim.cli.common.app import app
 from sblcosim.errors import ConfigurationError, ConfigurationWarning, DamageWarning
 from sblcosim.estimation.folder import read_run
 from sblcosim.study import store

@@ -19,7 +19,7 @@ from ... import artifacts
 from ...api import run as run_scenario
 from ...data.record import Record
 from ...errors import ConfigurationError, resolved
-from ...results.figures import INCLINATION_WINDOW_S
+from ...results.figures.run import INCLINATION_WINDOW_S
 from ...scenario.scenario import load as load_scenario
 from ...study import parts, runner, store
 from ...study import study as studies

@@ -22,12 +22,12 @@ from sblcosim.fmus import stopping
 from sblcosim.models.platform.beaufort import LEVELS
 from scipy import stats
 
-from ...analysis.ranking import ranking
+from ...analysis.two_level.ranking import ranking
 from ...data.record import Record
 from ...data.truth import recorded
-from ...results import figures as plots
-from ...results.catalogue import Figure, Job, by_name
-from ...results.catalogue import jobs as jobs_of
+from ...results.figures import run as plots
+from ...results.figures.catalogue import Figure, Job, by_name
+from ...results.figures.catalogue import jobs as jobs_of
 from ...results.result import Result
 from ...scenario.scenario import load as load_scenario
 from ...study.again import replay
@@ -35,10 +35,10 @@ from ...study.design import INTERACTION_SIGN
 from ...study.executors import deferring_signals, processes
 from ...style import ThemeName, new_figure, use
 from ...words.numbers import interval, number, signed, unbroken
-from .. import factorial
-from ..factorial import Findings
-from ..figures import FIGURES as STUDY_FIGURES
+from .. import two_level as factorial
 from ..page import Block, PageTable, Text
+from ..two_level import Findings
+from ..two_level_figures import FIGURES as STUDY_FIGURES
 from .campaigns import SCENARIOS, SEAS, Progress, sea
 from .numbers import (
     MEAN,
@@ -336,7 +336,7 @@ def _of_point(
 def _of_study(
     n: int, kind: str, label: str = "", beside: Callable[[int, Findings], Block] | None = None
 ) -> PaperFigure:
-    """A drawing of the study of a scenario: a row of `sblcosim.report.figures.FIGURES`."""
+    """A drawing of the study of a scenario: a row of `two_level_figures.FIGURES`."""
     figure = STUDY_FIGURES[kind]
     prefix = f"Ours, as Figure {label}: " if label else ""
 

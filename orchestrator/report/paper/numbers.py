@@ -13,14 +13,14 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from ...analysis.ranking import ranking
-from ...analysis.sensitivity import Sensitivity
-from ...results.definitions import AXES
+from ...analysis.space.analysis import Sensitivity
+from ...analysis.two_level.ranking import ranking
+from ...judge.definitions import AXES
 from ...study.study import Study
 from ...words.numbers import interval, number
-from .. import factorial
-from ..factorial import Findings
+from .. import two_level as factorial
 from ..page import PageTable
+from ..two_level import Findings
 from . import ranges
 from .campaigns import SCENARIOS, SESSIONS, Progress
 

@@ -18,12 +18,13 @@ import numpy as np
 from sblcosim.fmus.stopping import interruptible
 
 from ... import artifacts
-from ...analysis.sentences import answer
+from ...analysis.two_level.sentences import answer
 from ...errors import ConfigurationError, resolved
 from ...scenario.scenario import load as load_scenario
 from ...study import store
 from ...words.numbers import unbroken
-from .. import factorial, possible
+from .. import possible
+from .. import two_level as factorial
 from ..common import DEFINITIONS, method, reproduce, seeding
 from ..page import Block, Page, PagePicture, PageTable, Section, Text, render
 from ..study import REPORT

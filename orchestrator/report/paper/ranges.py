@@ -7,14 +7,15 @@ from typing import Any
 
 import pandas as pd
 
-from ...analysis import sensitivity_sentences, workflow
-from ...analysis.sensitivity import Sensitivity
+from ...analysis import workflow
+from ...analysis.space import sentences
+from ...analysis.space.analysis import Sensitivity
 from ...study import study as studies
 from ...study.space import SEED_FACTOR
 from ...study.study import Study
 from ...words.numbers import interval, number, signed
-from ..factorial import Findings
 from ..page import Block, PageTable, Text
+from ..two_level import Findings
 
 BASE_ROWS, QUICK_BASE_ROWS = 256, 32
 SEED = 60001
@@ -64,13 +65,13 @@ def blocks(analyses: Sequence[Sensitivity], findings: Findings) -> list[Block]:
     head = ("Factor", f"Effect, low to high{own}", "First-order index", "95% interval",
             "Total index", "95% interval")
     return [
-        Text(sensitivity_sentences.answer(main), "answer"),
+        Text(sentences.answer(main), "answer"),
         PageTable("What explains the variance of the logarithm of the error over the whole ranges",
               head, rows, (),
               "The effects are those between the two levels. The indices are shares of the "
               "variance with all seven factors uniform between their levels: first-order alone, "
               "total with all interactions. The seed is one of the factors; its index is chance."),
-        *(Text(line, "note") for one in analyses for line in sensitivity_sentences.notes(one)),
+        *(Text(line, "note") for one in analyses for line in sentences.notes(one)),
     ]  # fmt: skip
 
 

@@ -22,7 +22,7 @@ from sblcosim.fmus import stopping
 
 from ...data.record import Record
 from ...errors import ConfigurationError, FmuError
-from ..plan import Plan
+from ..plans.plan import Plan
 from ..system import Connection
 from .lanes_driver import (
     LENGTHS,

@@ -13,8 +13,8 @@ from sblcosim.fmus.host.libraries import binary_of, ours
 from sblcosim.fmus.read.ports import Fmu
 
 from ...errors import FmuError
-from .. import c_libraries
-from ..plan import Plan, PlannedComponent
+from ..plans.plan import Plan, PlannedComponent
+from . import c_libraries
 
 Floats = NDArray[np.float64]
 SUMS = (

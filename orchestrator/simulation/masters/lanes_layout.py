@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from ...errors import ConfigurationError, nearest
-from ..alike import alike
-from ..plan import LAG, Plan, PlannedComponent
+from ..plans.alike import alike
+from ..plans.plan import LAG, Plan, PlannedComponent
 from .lanes_driver import (
     MAX_COMPONENTS,
     MAX_RECEIVERS,

@@ -25,8 +25,8 @@ from sblcosim.fmus.read.ports import Fmu
 
 from ...data.record import Record
 from ...errors import ConfigurationError, FmuError
-from .. import c_libraries
-from ..plan import PROGRESS_INTERVAL, Column, Plan, PlannedComponent, Write
+from ..plans.plan import PROGRESS_INTERVAL, Column, Plan, PlannedComponent, Write
+from . import c_libraries
 from .python import chosen, initialised
 
 _FAILED = 1

@@ -24,13 +24,13 @@ from sblcosim.fmus.read.ports import Fmu
 from ... import errors
 from ...data.record import Record
 from ...errors import ConfigurationError, FmuError, SblcosimError, instance, nearest, one_line
-from ..plan import PROGRESS_INTERVAL, Column, Plan, PlannedComponent, Read, Write
+from ..code.user_code import CONSTRUCTOR, foreseen, raised
+from ..plans.plan import PROGRESS_INTERVAL, Column, Plan, PlannedComponent, Read, Write
 from ..resolve import resolve
 from ..system import ComponentSpec, System
-from ..user_code import CONSTRUCTOR, foreseen, raised
 
 _Vectors = Mapping[str, Vector]
-"""Latest outputs of all components, by type; see `sblcosim.simulation.plan`."""
+"""Latest outputs of all components, by type; see `sblcosim.simulation.plans.plan`."""
 
 
 def execute(

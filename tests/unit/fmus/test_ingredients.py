@@ -86,7 +86,7 @@ FILTERS = {"ekf", "sequential"}
         ("fmus/host/instances.py", set()),
         ("fmus/conformance/kit.py", set()),
         ("scenario/wiring.py", set()),
-        ("simulation/c/native.c", set()),
+        ("simulation/masters/c/native.c", set()),
         ("fmus/platforms.py", ALL),
         ("fmus/c/engine.h", ALL),
         ("fmus/build/generator.py", ALL),

@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 from sblcosim.data.record import Record
 from sblcosim.data.truth import of_record
-from sblcosim.results import metrics
-from sblcosim.results.definitions import Judged
+from sblcosim.judge import metrics
+from sblcosim.judge.definitions import Judged
 
 STEP_NS = 100_000_000
 BEACONS = np.array([[3.0, 0, 0.5], [0, 3, 0.5], [-3, 0, 0.5], [0, -3, 0.5]])

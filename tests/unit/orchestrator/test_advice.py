@@ -6,9 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 from sblcosim import study
-from sblcosim.analysis import bounds, study_advice
-from sblcosim.analysis.advice import advise
-from sblcosim.analysis.figures import plot_front
+from sblcosim.analysis.advice import of_study as study_advice
+from sblcosim.analysis.advice.advice import advise
+from sblcosim.analysis.advice.figures import plot_front
+from sblcosim.analysis.common import bounds
 from sblcosim.errors import ConfigurationError
 from scipy import stats
 

@@ -23,8 +23,8 @@ from sblcosim.areas import contours, figures, motion, pooling, result, runs, sur
 from sblcosim.areas import possible as possible_
 from sblcosim.areas.grid import Grid, grid_of
 from sblcosim.areas.possible import possible
-from sblcosim.cli import areas as command
-from sblcosim.cli.area_documents import MapSettings
+from sblcosim.cli.commands import areas as command
+from sblcosim.cli.documents.areas import MapSettings
 from sblcosim.errors import ConfigurationError
 from sblcosim.limits import lengths, places
 from sblcosim.limits.parameters import own_beacon

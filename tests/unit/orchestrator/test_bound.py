@@ -15,7 +15,7 @@ import sblcosim
 from sblcosim.areas import motion
 from sblcosim.areas.grid import grid_of
 from sblcosim.areas.possible import possible
-from sblcosim.comparison import budget_bound
+from sblcosim.comparison.budget import bound as budget_bound
 from sblcosim.errors import SblcosimError
 from sblcosim.fmus.build import bound, compiler
 from sblcosim.limits import parameters, places, recursion, run

@@ -17,13 +17,13 @@ import sblcosim
 from jsonschema import Draft202012Validator
 from matplotlib.text import Text
 from sblcosim import limits, style
-from sblcosim.cli.base import app
-from sblcosim.cli.documents import schema
-from sblcosim.comparison import budget as budgets
-from sblcosim.comparison import sources
-from sblcosim.comparison.budget_bound import BOUND_RUNS, bounds
-from sblcosim.comparison.budget_result import ALL, NONE, REMAINDER, Budget
-from sblcosim.comparison.shares import shares
+from sblcosim.cli.common.app import app
+from sblcosim.cli.documents.by_command import schema
+from sblcosim.comparison.budget import run as budgets
+from sblcosim.comparison.budget import sources
+from sblcosim.comparison.budget.bound import BOUND_RUNS, bounds
+from sblcosim.comparison.budget.result import ALL, NONE, REMAINDER, Budget
+from sblcosim.comparison.budget.shares import shares
 from sblcosim.errors import ConfigurationError
 from sblcosim.limits.run import of_run
 from sblcosim.models import COMPONENTS

@@ -13,8 +13,10 @@ from typing import Any
 import numpy as np
 import pytest
 from sblcosim.errors import CodeChangedError, ConfigurationError
-from sblcosim.simulation import loading, messages, user_code
-from sblcosim.simulation.children import waiting
+from sblcosim.simulation.children import messages
+from sblcosim.simulation.children.children import waiting
+from sblcosim.simulation.code import user_code
+from sblcosim.simulation.user import loading
 from sblcosim.study import load
 
 SHORT = {

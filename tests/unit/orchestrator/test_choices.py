@@ -16,36 +16,36 @@ import pandas as pd
 import pytest
 import sblcosim
 from sblcosim import artifacts, calibrate, style
-from sblcosim.analysis import (
-    advice,
-    factorial,
-    general,
-    general_figures,
-    saving,
-    sensitivity,
-    sensitivity_figures,
-    sweep,
-    workflow,
-)
-from sblcosim.analysis import figures as effect_figures
+from sblcosim.analysis import sweep, workflow
+from sblcosim.analysis.advice import advice
+from sblcosim.analysis.advice import figures as advice_figures
+from sblcosim.analysis.advice import saving as advice_saving
+from sblcosim.analysis.levels import analysis as general
+from sblcosim.analysis.levels import figures as general_figures
+from sblcosim.analysis.space import analysis as sensitivity
+from sblcosim.analysis.space import figures as sensitivity_figures
+from sblcosim.analysis.two_level import analysis as factorial
+from sblcosim.analysis.two_level import figures as effect_figures
+from sblcosim.analysis.two_level import saving
 from sblcosim.areas import figures as area_figures
 from sblcosim.areas import result as area_result
 from sblcosim.areas.grid import Grid
-from sblcosim.comparison import (
-    budget_figures,
-    budget_result,
-    many,
-    tournament,
-    tournament_figures,
-)
+from sblcosim.comparison.budget import figures as budget_figures
+from sblcosim.comparison.budget import result as budget_result
+from sblcosim.comparison.many.result import Many
+from sblcosim.comparison.tournament import figures as tournament_figures
+from sblcosim.comparison.tournament import run as tournament
 from sblcosim.errors import ConfigurationError, check_choice
 from sblcosim.export import ssp
+from sblcosim.judge import metrics
 from sblcosim.models.declaration import Variable
-from sblcosim.report import factorial as report
 from sblcosim.report import page
+from sblcosim.report import two_level as report
 from sblcosim.report.paper import figures as paper_figures
 from sblcosim.require import figures as require_figures
-from sblcosim.results import catalogue, figures, metrics, result
+from sblcosim.results import result
+from sblcosim.results.figures import catalogue
+from sblcosim.results.figures import run as figures
 from sblcosim.scenario.wiring import connect
 from sblcosim.simulation import execution
 from sblcosim.simulation.how import How
@@ -105,20 +105,22 @@ def of_runs(function: Any, **options: Any) -> Any:
 
 
 CALLS: dict[str, Any] = {
-    "results.maps.plot_path theme": partial(figures.plot_path, RECORD, TRACKS),
-    "results.maps.plot_path_3d theme": partial(figures.plot_path_3d, RECORD, TRACKS),
-    "results.figures.plot_axes theme": partial(figures.plot_axes, RECORD, TRACKS),
-    "results.figures.plot_errors theme": partial(figures.plot_errors, RECORD, TRACKS),
-    "results.figures.plot_errors frame": partial(figures.plot_errors, RECORD, TRACKS),
-    "results.figures.plot_inclination theme": partial(figures.plot_inclination, RECORD),
-    "results.figures.plot_range_test theme": partial(figures.plot_range_test, *RANGE_TEST),
+    "results.figures.maps.plot_path theme": partial(figures.plot_path, RECORD, TRACKS),
+    "results.figures.maps.plot_path_3d theme": partial(figures.plot_path_3d, RECORD, TRACKS),
+    "results.figures.run.plot_axes theme": partial(figures.plot_axes, RECORD, TRACKS),
+    "results.figures.run.plot_errors theme": partial(figures.plot_errors, RECORD, TRACKS),
+    "results.figures.run.plot_errors frame": partial(figures.plot_errors, RECORD, TRACKS),
+    "results.figures.run.plot_inclination theme": partial(figures.plot_inclination, RECORD),
+    "results.figures.run.plot_range_test theme": partial(figures.plot_range_test, *RANGE_TEST),
     "results.result.Result.plot_path theme": RESULT.plot_path,
     "results.result.Result.plot_path_3d theme": RESULT.plot_path_3d,
     "results.result.Result.plot_axes theme": RESULT.plot_axes,
     "results.result.Result.plot_errors theme": RESULT.plot_errors,
     "results.result.Result.plot_errors frame": RESULT.plot_errors,
     "results.result.Result.plot_inclination theme": RESULT.plot_inclination,
-    "results.catalogue.Job.axes theme": catalogue.Job("x", figures.plot_path, (RECORD, {})).axes,
+    "results.figures.catalogue.Job.axes theme": catalogue.Job(
+        "x", figures.plot_path, (RECORD, {})
+    ).axes,
     "areas.figures.plot_map theme": partial(area_figures.plot_map, AREA),
     "areas.figures.plot_certainty theme": partial(area_figures.plot_certainty, AREA),
     "areas.result.AreaMap.plot theme": AREA.plot,
@@ -129,37 +131,39 @@ CALLS: dict[str, Any] = {
     "artifacts.place_for other": partial(artifacts.place_for, Path("nowhere"), {}),
     "results.result.Result.save other": partial(RESULT.save, "nowhere", figures=False),
     "results.result.Result.save theme": partial(RESULT.save, "nowhere", figures=False),
-    "results.metrics.error_column frame": partial(metrics.error_column, axis="x"),
-    "results.metrics.error_column axis": partial(metrics.error_column, "absolute"),
+    "judge.metrics.error_column frame": partial(metrics.error_column, axis="x"),
+    "judge.metrics.error_column axis": partial(metrics.error_column, "absolute"),
     "calibrate.CalibrationResult.plot theme": CALIBRATED.plot,
     "calibrate.CalibrationResult.save other": partial(CALIBRATED.save, "nowhere"),
     "calibrate.CalibrationResult.save theme": partial(CALIBRATED.save, "nowhere"),
     "calibrate.calibrate fmi": calibrate.calibrate,
-    "comparison.tournament.Tournament.plot theme": COMPARED.plot,
-    "comparison.tournament.Tournament.save theme": partial(COMPARED.save, "nowhere"),
-    "comparison.tournament.Tournament.save other": partial(COMPARED.save, "nowhere"),
-    "comparison.tournament_figures.plot_tournament theme": partial(
+    "comparison.tournament.result.Tournament.plot theme": COMPARED.plot,
+    "comparison.tournament.result.Tournament.save theme": partial(COMPARED.save, "nowhere"),
+    "comparison.tournament.result.Tournament.save other": partial(COMPARED.save, "nowhere"),
+    "comparison.tournament.figures.plot_tournament theme": partial(
         tournament_figures.plot_tournament, *tournament_figures.shown(COMPARED)
     ),
-    "comparison.many.Many.save theme": partial(many.Many(COMPARED, {}, {}).save, "nowhere"),
-    "comparison.many.Many.save other": partial(many.Many(COMPARED, {}, {}).save, "nowhere"),
-    "comparison.budget_figures.plot_budget theme": partial(budget_figures.plot_budget, BUDGET),
-    "comparison.budget_result.Budget.plot theme": BUDGET.plot,
+    "comparison.many.result.Many.save theme": partial(Many(COMPARED, {}, {}).save, "nowhere"),
+    "comparison.many.result.Many.save other": partial(Many(COMPARED, {}, {}).save, "nowhere"),
+    "comparison.budget.figures.plot_budget theme": partial(budget_figures.plot_budget, BUDGET),
+    "comparison.budget.result.Budget.plot theme": BUDGET.plot,
     "style.use theme": lambda theme: style.use(theme).__enter__(),
     "style.named theme": style.named,
     "analysis.sweep.plot_means theme": partial(sweep.plot_means, MEANS),
-    "analysis.factorial.analyse seeding": partial(factorial.analyse, RUNS, "ab", "y"),
-    "analysis.factorial.analyse error": partial(factorial.analyse, RUNS, "ab", "y"),
+    "analysis.two_level.analysis.analyse seeding": partial(factorial.analyse, RUNS, "ab", "y"),
+    "analysis.two_level.analysis.analyse error": partial(factorial.analyse, RUNS, "ab", "y"),
     "analysis.workflow.of_table error": partial(of_runs, workflow.of_table),
-    "report.factorial.find error": partial(of_runs, report.find),
-    "analysis.factorial.analyse transform": partial(factorial.analyse, RUNS, "ab", "y"),
-    "analysis.figures.plot_front theme": partial(effect_figures.plot_front, ADVICE),
+    "report.two_level.find error": partial(of_runs, report.find),
+    "analysis.two_level.analysis.analyse transform": partial(factorial.analyse, RUNS, "ab", "y"),
+    "analysis.advice.figures.plot_front theme": partial(advice_figures.plot_front, ADVICE),
     "require.figures.plot_front theme": partial(require_figures.plot_front, None),
     "require.figures.plot_narrow theme": partial(require_figures.plot_narrow, None),
     "analysis.workflow.of_table transform": partial(of_runs, workflow.of_table),
-    "report.factorial.find transform": partial(of_runs, report.find),
-    "analysis.saving.save theme": partial(saving.save, FOUND, "nowhere"),
-    "analysis.saving.save_advice theme": partial(saving.save_advice, ADVICE, "nowhere"),
+    "report.two_level.find transform": partial(of_runs, report.find),
+    "analysis.two_level.saving.save theme": partial(saving.save, FOUND, "nowhere"),
+    "analysis.advice.saving.save_advice theme": partial(
+        advice_saving.save_advice, ADVICE, "nowhere"
+    ),
     "report.page.inline theme": partial(page.inline, PICTURE),
     "report.paper.figures.plot_waves theme": partial(paper_figures.plot_waves, {"x": RECORD}),
     "export.ssp.export_ssp version": partial(ssp.export_ssp, "paper-scenario-1"),
@@ -175,51 +179,51 @@ CALLS |= {
     f"{where}.{name} theme": partial(getattr(module, name), *given)
     for name in ("plot_pareto", "plot_interactions", "plot_main_effects", "plot_residuals",
                  "plot_box_cox")
-    for where, module, given in (("analysis.figures", effect_figures, (FOUND,)),
-                                 ("analysis.factorial.Factorial", FOUND, ()))
+    for where, module, given in (("analysis.two_level.figures", effect_figures, (FOUND,)),
+                                 ("analysis.two_level.analysis.Factorial", FOUND, ()))
 }
 CALLS |= {
     "study.distributions.distribution_of distribution": distributions.distribution_of,
     "study.space.sample version": partial(space.sample, DRAWN.factors, 16, 1),
-    "analysis.sensitivity.indices transform": partial(sensitivity.indices, DRAWN, SHARES.values),
-    "analysis.sensitivity.Sensitivity.plot_indices theme": SHARES.plot_indices,
-    "analysis.sensitivity.Sensitivity.plot_scatter theme": SHARES.plot_scatter,
-    "analysis.sensitivity_figures.plot_indices theme": partial(
+    "analysis.space.analysis.indices transform": partial(sensitivity.indices, DRAWN, SHARES.values),
+    "analysis.space.analysis.Sensitivity.plot_indices theme": SHARES.plot_indices,
+    "analysis.space.analysis.Sensitivity.plot_scatter theme": SHARES.plot_scatter,
+    "analysis.space.figures.plot_indices theme": partial(
         sensitivity_figures.plot_indices, SHARES
     ),
-    "analysis.sensitivity_figures.plot_scatter theme": partial(
+    "analysis.space.figures.plot_scatter theme": partial(
         sensitivity_figures.plot_scatter, SHARES
     ),
 }
 CALLS |= {
     f"{where}.{name} theme": partial(getattr(module, name), *given)
     for name in ("plot_means", "plot_interactions", "plot_pairs")
-    for where, module, given in (("analysis.general_figures", general_figures, (GENERAL,)),
-                                 ("analysis.general.GeneralFactorial", GENERAL, ()))
+    for where, module, given in (("analysis.levels.figures", general_figures, (GENERAL,)),
+                                 ("analysis.levels.analysis.GeneralFactorial", GENERAL, ()))
 }
 CALLS |= {
-    f"analysis.general.analyse {name}": partial(general.analyse, RUNS, "ab", "y")
+    f"analysis.levels.analysis.analyse {name}": partial(general.analyse, RUNS, "ab", "y")
     for name in ("typ", "transform", "seeding")
 }
 ELSEWHERE = {
     "areas.figures.plot_narrow theme": "areas.figures.plot_map",
     "study.definition.Definition.with_sample version": "study.space.sample",
-    "analysis.sensitivity.of_table transform": "analysis.sensitivity.indices",
+    "analysis.space.analysis.of_table transform": "analysis.space.analysis.indices",
     "estimation.after.Smoothed.save other": "results.result.Result.save",
     "analysis.workflow.of_study error": "analysis.workflow.of_table",
-    "report.study.save error": "report.factorial.find",
+    "report.study.save error": "report.two_level.find",
     "analysis.workflow.of_study transform": "analysis.workflow.of_table",
-    "analysis.workflow.of_grid transform": "analysis.general.analyse",
-    "analysis.workflow.of_space transform": "analysis.sensitivity.indices",
-    "report.study.save transform": "report.factorial.find",
-    "analysis.saving.write theme": "analysis.saving.save",
-    "results.catalogue.Job.save theme": "results.catalogue.Job.axes",
-    "results.catalogue.drawing theme": "results.catalogue.Job.axes",
-    "comparison.budget_result.Budget.save theme": "comparison.budget_result.Budget.plot",
-    "comparison.budget_result.Budget.save other": "artifacts.draft",
+    "analysis.workflow.of_grid transform": "analysis.levels.analysis.analyse",
+    "analysis.workflow.of_space transform": "analysis.space.analysis.indices",
+    "report.study.save transform": "report.two_level.find",
+    "analysis.two_level.saving.write theme": "analysis.two_level.saving.save",
+    "results.figures.catalogue.Job.save theme": "results.figures.catalogue.Job.axes",
+    "results.figures.catalogue.drawing theme": "results.figures.catalogue.Job.axes",
+    "comparison.budget.result.Budget.save theme": "comparison.budget.result.Budget.plot",
+    "comparison.budget.result.Budget.save other": "artifacts.draft",
     "packages.recording.Recording.save theme": "results.result.Result.save",
     "packages.recording.Recording.save other": "results.result.Result.save",
-    "simulation.user_receivers.of_folder fmi": "api.run",
+    "simulation.user.receivers.of_folder fmi": "api.run",
 }
 """Those that hand the argument on before they do anything with it, or get it checked; and where."""
 
@@ -253,7 +257,7 @@ def literals() -> set[str]:
 
 def test_every_argument_that_is_a_choice_is_tried_here() -> None:
     found = literals()
-    assert "results.maps.plot_path theme" in found
+    assert "results.figures.maps.plot_path theme" in found
     assert found <= CALLS.keys() | ELSEWHERE.keys(), found - CALLS.keys() - ELSEWHERE.keys()
     assert {f"{to} {name.split()[1]}" for name, to in ELSEWHERE.items()} <= CALLS.keys()
 

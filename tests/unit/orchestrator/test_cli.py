@@ -714,7 +714,7 @@ def test_an_out_that_is_deep_is_a_folder_like_any_other(cli: Callable[..., Resul
 
 
 def test_what_is_made_of_results_lies_beside_them(tmp_path: Path, monkeypatch: Any) -> None:
-    from sblcosim.cli.base import beside
+    from sblcosim.cli.common.app import beside
 
     monkeypatch.chdir(tmp_path)
     assert beside(Path("studies/mine"), "advice") == Path("studies/mine-advice")

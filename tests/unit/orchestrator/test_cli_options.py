@@ -12,10 +12,10 @@ import pytest
 import sblcosim
 import typer
 from sblcosim.cli import app
-from sblcosim.cli.options import in_options
+from sblcosim.cli.common.options import in_options
 from sblcosim.fmus.build import factory
+from sblcosim.judge.definitions import LOST
 from sblcosim.report import study as reports
-from sblcosim.results.definitions import LOST
 from sblcosim.results.responses import ORDER_STATISTIC
 from sblcosim.study import study
 from typer.testing import CliRunner

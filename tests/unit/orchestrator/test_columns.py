@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import sblcosim
-from sblcosim.cli.documents import schema
-from sblcosim.results import metrics, notebook, text
-from sblcosim.results.columns import (
+from sblcosim.cli.documents.by_command import schema
+from sblcosim.judge import metrics
+from sblcosim.judge.columns import (
     CHI_SQUARES,
     ERRORS,
     ESTIMATES,
@@ -18,6 +18,7 @@ from sblcosim.results.columns import (
     RunTable,
     TableColumn,
 )
+from sblcosim.results import notebook, text
 from synthetic_record import make_record, track
 
 

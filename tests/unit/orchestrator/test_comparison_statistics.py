@@ -9,7 +9,7 @@ from math import floor, inf, isnan, nan, sqrt
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from sblcosim.comparison.statistics import (
+from sblcosim.comparison.common.statistics import (
     CONTAMINATION,
     Difference,
     difference,

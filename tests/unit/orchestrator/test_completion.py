@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from sblcosim.cli import completion
+from sblcosim.cli.common import completion
 from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.target.variables import TRAJECTORIES
 from sblcosim.scenario.scenario import load, shipped

@@ -7,8 +7,8 @@ import math
 
 import numpy as np
 import pytest
-from sblcosim.results import consistency
-from sblcosim.results.consistency import TELLING, Verdict, of_runs
+from sblcosim.judge import consistency
+from sblcosim.judge.consistency import TELLING, Verdict, of_runs
 
 STUDIES = 1500
 

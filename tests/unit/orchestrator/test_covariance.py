@@ -9,8 +9,8 @@ import pandas as pd
 import pytest
 import sblcosim
 from sblcosim.analysis import covariance
+from sblcosim.judge.consistency import of_runs
 from sblcosim.report import study as reports
-from sblcosim.results.consistency import of_runs
 
 
 def runs(nees: dict[int, list[float]], own: dict[int, list[float]] | None = None) -> pd.DataFrame:

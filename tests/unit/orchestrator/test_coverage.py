@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from known_indices import FUNCTIONS, RARE, STEPS, Known
 from numpy.typing import NDArray
-from sblcosim.analysis import jackknife, two_values
-from sblcosim.analysis.jackknife import IndexEstimates
-from sblcosim.analysis.sensitivity import indices
+from sblcosim.analysis.space import jackknife, two_values
+from sblcosim.analysis.space.analysis import indices
+from sblcosim.analysis.space.jackknife import IndexEstimates
 from sblcosim.study.distributions import distribution_of
 from sblcosim.study.space import NEWEST, DrawnFactor, SampleVersion, sample
 from scipy import stats

@@ -10,9 +10,9 @@ import pandas as pd
 import pytest
 import sblcosim
 import xarray as xr
+from sblcosim.data.description import RunDescription
 from sblcosim.errors import ConfigurationError
-from sblcosim.results.definitions import AXES, FRAMES, PREFIXES
-from sblcosim.results.description import RunDescription
+from sblcosim.judge.definitions import AXES, FRAMES, PREFIXES
 from sblcosim.results.result import Result
 from synthetic_record import make_record
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from sblcosim.data import truth
 from sblcosim.data.record import NEVER, Record, epochs_ns
-from sblcosim.results import definitions
+from sblcosim.judge import definitions
 from scipy.stats import chi2
 from synthetic_record import make_record
 

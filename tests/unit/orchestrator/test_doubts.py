@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 import sblcosim
-from sblcosim.cli.base import app
+from sblcosim.cli.common.app import app
 from sblcosim.errors import ConfigurationWarning
 from sblcosim.models import RECEIVERS
 from sblcosim.scenario.doubts import PURPOSES, doubts

@@ -18,9 +18,9 @@ from typing import Any
 import pytest
 from matplotlib.axes import Axes
 from sblcosim import style
-from sblcosim.results import artist
-from sblcosim.results.artist import Artist, drawing, forked_artist
-from sblcosim.results.catalogue import Job
+from sblcosim.results.figures import artist
+from sblcosim.results.figures.artist import Artist, drawing, forked_artist
+from sblcosim.results.figures.catalogue import Job
 
 HERE = os.getpid()
 PATIENCE = 300.0
@@ -209,7 +209,7 @@ def test_the_death_of_this_process_ends_it(tmp_path: Path) -> None:
     """Also where nothing can be done any more."""
     code = (
         "import os, time\n"
-        "from sblcosim.results.artist import forked_artist\n"
+        "from sblcosim.results.figures.artist import forked_artist\n"
         "with forked_artist() as artist:\n"
         "    print(artist._process, flush=True)\n"
         "    os.kill(os.getpid(), 9)\n"
@@ -243,7 +243,7 @@ def test_neither_process_waits_for_what_it_does_not_need() -> None:
     """Matplotlib is for the one that draws, scenarios are for the one that simulates."""
     needless = (
         ("api", "matplotlib"), ("api", "scipy.optimize"), ("api", "scipy.special"),
-        ("api", "gpxpy"), ("results.figures", "sblcosim.scenario.schema"),
+        ("api", "gpxpy"), ("results.figures.run", "sblcosim.scenario.schema"),
     )
     for module, foreign in needless:
         code = f"import sys, sblcosim.{module}; print({foreign!r} in sys.modules)"

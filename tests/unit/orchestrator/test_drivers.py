@@ -12,8 +12,7 @@ from sblcosim.fmus.build import compiler, factory
 from sblcosim.fmus.build.compiler import Compiler
 from sblcosim.fmus.errors import DamageWarning
 from sblcosim.fmus.platforms import PLATFORMS, suffix, this_platform
-from sblcosim.simulation import c_libraries
-from sblcosim.simulation.masters import lanes_driver, native
+from sblcosim.simulation.masters import c_libraries, lanes_driver, native
 from seams import Seam
 
 BOTH = pytest.mark.parametrize("driver", [native.DRIVER, lanes_driver.DRIVER], ids=lambda d: d.name)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from sblcosim.comparison import sources
+from sblcosim.comparison.budget import sources
 from sblcosim.limits.unknown import left_out
 from sblcosim.models import COMPONENTS
 from sblcosim.models.declaration import Variable

@@ -6,11 +6,11 @@ from itertools import product
 import numpy as np
 import pandas as pd
 import pytest
-from sblcosim.analysis.box_cox import box_cox
-from sblcosim.analysis.factorial import analyse
-from sblcosim.analysis.noise import lenth
-from sblcosim.analysis.power import detectable
-from sblcosim.analysis.sentences import answer
+from sblcosim.analysis.two_level.analysis import analyse
+from sblcosim.analysis.two_level.box_cox import box_cox
+from sblcosim.analysis.two_level.noise import lenth
+from sblcosim.analysis.two_level.power import detectable
+from sblcosim.analysis.two_level.sentences import answer
 from sblcosim.errors import ConfigurationError
 from scipy import stats
 from statsmodels.regression.linear_model import OLS

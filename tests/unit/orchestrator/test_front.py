@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 import sblcosim
-from sblcosim.cli.base import app
+from sblcosim.cli.common.app import app
 from sblcosim.errors import ConfigurationError
 from sblcosim.models.declaration import Variable
 from sblcosim.scenario.scenario import load

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from sblcosim.analysis.bounds import runs_for_t, runs_to_see
-from sblcosim.analysis.general import GeneralFactorial, analyse
-from sblcosim.analysis.medians import median_interval, median_pairs, median_table
-from sblcosim.analysis.options import Options
+from sblcosim.analysis.common.bounds import runs_for_t, runs_to_see
+from sblcosim.analysis.common.options import Options
+from sblcosim.analysis.levels.analysis import GeneralFactorial, analyse
+from sblcosim.analysis.levels.medians import median_interval, median_pairs, median_table
 from sblcosim.errors import ConfigurationError
 from scipy import stats
 from statsmodels.formula.api import ols

@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 from matplotlib.text import Text
 from sblcosim import style
-from sblcosim.analysis import general_figures as figures
-from sblcosim.analysis.general import GeneralFactorial, analyse
+from sblcosim.analysis.levels import figures
+from sblcosim.analysis.levels.analysis import GeneralFactorial, analyse
 
 LONG = [f"Manufacturer no. {i} long-range model {letter * 3}" for i, letter in
         enumerate("ABCDEFGHIJKL")]

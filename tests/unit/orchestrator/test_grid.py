@@ -10,10 +10,11 @@ import numpy as np
 import pandas as pd
 import pytest
 import sblcosim
-from sblcosim.analysis import columns, workflow
-from sblcosim.analysis.conditions import of_choices
-from sblcosim.analysis.general import GeneralFactorial
-from sblcosim.cli import contents
+from sblcosim.analysis import workflow
+from sblcosim.analysis.common import columns
+from sblcosim.analysis.common.conditions import of_choices
+from sblcosim.analysis.levels.analysis import GeneralFactorial
+from sblcosim.cli.documents import contents
 from sblcosim.errors import ConfigurationError
 from sblcosim.fmus.build import factory
 from sblcosim.report import levels as level_pages

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from sblcosim.errors import ConfigurationError
 from sblcosim.report.common import as_toml
-from sblcosim.simulation import local_files, origins, user_code
+from sblcosim.simulation.code import local_files, origins, user_code
 from sblcosim.study import load, store
 
 from .identity_cases import CHANGES, IMPORTS, OTHER_FILES, REFUSED, SAME, USED, Files
@@ -31,9 +31,9 @@ CHILD = """
 import importlib, json, sys
 from pathlib import Path
 from sblcosim.errors import SblcosimError
-from sblcosim.simulation.identity import identity
+from sblcosim.simulation.code.identity import identity
 from sblcosim.report.common import as_toml
-from sblcosim.simulation import local_files, origins, user_code
+from sblcosim.simulation.code import local_files, origins, user_code
 
 def function_of_file(text, folder, key):
     file, _, name = text.rpartition(":")

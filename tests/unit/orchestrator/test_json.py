@@ -14,7 +14,7 @@ import jsonschema
 import pytest
 import sblcosim.cli
 import typer.main
-from sblcosim.cli.documents import COMMANDS, DOCUMENTS
+from sblcosim.cli.documents.by_command import COMMANDS, DOCUMENTS
 from sblcosim.fmus.build.factory import build
 from sblcosim.models import RECEIVERS
 from sblcosim.scenario.scenario import shipped

@@ -14,8 +14,8 @@ from typing import Any
 import pandas as pd
 import pytest
 import sblcosim
-from sblcosim.cli.base import app
-from sblcosim.comparison import cost
+from sblcosim.cli.common.app import app
+from sblcosim.comparison.tournament import cost
 from sblcosim.simulation.masters import lanes
 from sblcosim.study import runner, store
 from sblcosim.study.kept import Kept

@@ -14,10 +14,12 @@ import mpmath
 import numpy as np
 import pandas as pd
 import pytest
-from sblcosim.analysis import factorial, general, sweep
-from sblcosim.analysis.box_cox import box_cox
-from sblcosim.analysis.power import detectable
-from sblcosim.analysis.ranking import ranking
+from sblcosim.analysis import sweep
+from sblcosim.analysis.levels import analysis as general
+from sblcosim.analysis.two_level import analysis as factorial
+from sblcosim.analysis.two_level.box_cox import box_cox
+from sblcosim.analysis.two_level.power import detectable
+from sblcosim.analysis.two_level.ranking import ranking
 
 CONSTANTS = [1e12, -1e12, 2.0**41 + 0.25, 12345.0]
 LOCATIONS = {

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from sblcosim import limits
 from sblcosim.data.record import Record
+from sblcosim.judge import possible
 from sblcosim.limits import parameters, recursion, unknown, verdict
 from sblcosim.models import COMPONENTS
 from sblcosim.models.receiver.receivers.coupled import COMPONENT as COUPLED
 from sblcosim.models.receiver.receivers.long_baseline import COMPONENT as LONG_BASELINE
 from sblcosim.models.receiver.surroundings import STATES
-from sblcosim.results import possible
 from sblcosim.scenario.arrangement import has_own_errors
 from sblcosim.scenario.error_sources import UNMODELLED
 from sblcosim.scenario.scenario import load

@@ -9,11 +9,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from sblcosim.analysis import covariance, figures, fit, model, runs
-from sblcosim.analysis.box_cox import box_cox
-from sblcosim.analysis.centred import centred
-from sblcosim.analysis.factorial import Factorial, analyse
-from sblcosim.results import consistency
+from sblcosim.analysis import covariance
+from sblcosim.analysis.common import model, runs
+from sblcosim.analysis.common.centred import centred
+from sblcosim.analysis.two_level import figures, fit
+from sblcosim.analysis.two_level.analysis import Factorial, analyse
+from sblcosim.analysis.two_level.box_cox import box_cox
+from sblcosim.judge import consistency
 from statsmodels.regression.linear_model import OLS
 
 FACTORS = ("a", "b", "c")

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from sblcosim.data.record import Record
 from sblcosim.errors import FmuError
-from sblcosim.results import metrics
+from sblcosim.judge import metrics
 from scipy.stats import chi2
 from synthetic_record import judged_in, make_record, silent, summary, track
 

@@ -20,14 +20,14 @@ from sblcosim.fmus.build.factory import Unit, build, compile_shared
 from sblcosim.fmus.host import instances as fmus
 from sblcosim.fmus.host.watch import Progress
 from sblcosim.fmus.read import ports
-from sblcosim.simulation import c_libraries, execution, isolation
-from sblcosim.simulation.masters import native, python
-from sblcosim.simulation.messages import Begun
-from sblcosim.simulation.process import Process
+from sblcosim.simulation import execution, isolation
+from sblcosim.simulation.children.messages import Begun
+from sblcosim.simulation.children.process import Process
+from sblcosim.simulation.children.state import LOOP
+from sblcosim.simulation.children.watched import Watched
+from sblcosim.simulation.masters import c_libraries, native, python
 from sblcosim.simulation.resolve import resolve
-from sblcosim.simulation.state import LOOP
 from sblcosim.simulation.system import ComponentSpec, Connection, System
-from sblcosim.simulation.watched import Watched
 from stranger import build_stranger
 
 MS = 1_000_000
@@ -459,7 +459,7 @@ def test_an_unknown_master_is_refused_with_the_nearest_name(stranger):
 SANITIZED = """
 import sys
 from pathlib import Path
-from sblcosim.simulation import c_libraries
+from sblcosim.simulation.masters import c_libraries
 from sblcosim.simulation.masters import native, python as master
 from test_native import assert_equal, ring
 two, three, driver = map(Path, sys.argv[1:])

@@ -23,15 +23,15 @@ import pytest
 import sblcosim.cli
 import typer
 from sblcosim import api
-from sblcosim.analysis import study_advice
-from sblcosim.analysis.saving import save_advice
+from sblcosim.analysis.advice import of_study as study_advice
+from sblcosim.analysis.advice.saving import save_advice
 from sblcosim.areas.survey import map_area
 from sblcosim.calibrate import calibrate
-from sblcosim.cli import contents
-from sblcosim.cli.document import Document
-from sblcosim.comparison.budget import budget
-from sblcosim.comparison.many import run_many
-from sblcosim.comparison.tournament import compare
+from sblcosim.cli.documents import contents
+from sblcosim.cli.documents.document import Document
+from sblcosim.comparison.budget.run import budget
+from sblcosim.comparison.many.run import run_many
+from sblcosim.comparison.tournament.run import compare
 from sblcosim.estimation.after import smooth
 from sblcosim.export.container import export_fmu
 from sblcosim.export.ssp import export_ssp
@@ -42,10 +42,10 @@ from sblcosim.fmus.files import write_file
 from sblcosim.report import paper
 from sblcosim.report import study as reports
 from sblcosim.require.run import decide
-from sblcosim.results.artist import forked_artist
+from sblcosim.results.figures.artist import forked_artist
 from sblcosim.scenario.starter import starter
 from sblcosim.scenario.wiring import connect
-from sblcosim.simulation.plan_checks import check_size
+from sblcosim.simulation.plans.checks import check_size
 from sblcosim.simulation.resolve import resolve
 from sblcosim.study import campaign, runner
 from sblcosim.study.again import replay

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from sblcosim.fmus.build import c_files, compiler
-from sblcosim.results.definitions import order_statistics
-from sblcosim.simulation import c_libraries
+from sblcosim.judge.definitions import order_statistics
+from sblcosim.simulation.masters import c_libraries
 
 DRIVER = Path(__file__).with_name("order_statistics_driver.c")
 PERCENTAGES = (1, 50, 95, 100)

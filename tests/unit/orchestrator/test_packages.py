@@ -22,13 +22,13 @@ from sblcosim.errors import ConfigurationError, ConfigurationWarning, FmuError
 from sblcosim.export.ssp import export_ssp
 from sblcosim.fmus.build.factory import build
 from sblcosim.fmus.files import scratch
+from sblcosim.judge import metrics
 from sblcosim.packages.documents import SPACES as READ
 from sblcosim.packages.drawing import lines_of
 from sblcosim.packages.picture import svg
 from sblcosim.packages.read import opened
 from sblcosim.packages.structure import NAMESPACES
 from sblcosim.packages.units import conversion, unit_of
-from sblcosim.results import metrics
 from sblcosim.scenario.wiring import connect
 from sblcosim.simulation.execution import execute
 from sblcosim.simulation.resolve import resolve

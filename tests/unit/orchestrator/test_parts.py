@@ -15,7 +15,7 @@ import pandas as pd
 import pyarrow as pa
 import pytest
 from pyarrow import parquet
-from sblcosim.analysis import columns
+from sblcosim.analysis.common import columns
 from sblcosim.errors import ConfigurationError, DamageWarning
 from sblcosim.report import study as reports
 from sblcosim.study import campaign, definition, parts, runner, store, study

@@ -8,7 +8,7 @@ import pytest
 from python_components import Arrays, Clock, Relay, Sampler, Source, Updater
 from sblcosim.errors import ConfigurationError, ConfigurationWarning
 from sblcosim.fmus.host.nanoseconds import MAX_SECONDS
-from sblcosim.simulation.plan_checks import check_size
+from sblcosim.simulation.plans.checks import check_size
 from sblcosim.simulation.resolve import resolve
 from sblcosim.simulation.system import ComponentSpec, Connection, System
 

@@ -14,8 +14,8 @@ from PIL import Image
 from sblcosim import style
 from sblcosim.data.record import Record
 from sblcosim.errors import ConfigurationError
-from sblcosim.results import drawing
-from sblcosim.results import figures as plots
+from sblcosim.results.figures import drawing
+from sblcosim.results.figures import run as plots
 from synthetic_record import make_record, silent, track
 
 pytestmark = pytest.mark.filterwarnings(

@@ -20,7 +20,7 @@ from sblcosim.fmus.read.ports import Port
 from sblcosim.models import COMPONENTS
 from sblcosim.scenario import wiring
 from sblcosim.scenario.scenario import load as load_scenario
-from sblcosim.simulation.settings import settings_of
+from sblcosim.simulation.plans.settings import settings_of
 from sblcosim.simulation.system import ComponentSpec
 from sblcosim.study import campaign, load, runner
 from sblcosim.study.batch import Run

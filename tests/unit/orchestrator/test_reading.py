@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from sblcosim.analysis import study_advice
+from sblcosim.analysis.advice import of_study as study_advice
 from sblcosim.cli import app
 from sblcosim.errors import ConfigurationError
 from sblcosim.scenario.reading import DEEPEST, LARGEST, check_values, parse

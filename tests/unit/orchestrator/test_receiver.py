@@ -13,7 +13,7 @@ from sblcosim.cli import app
 from sblcosim.errors import ConfigurationError
 from sblcosim.models.ports import DEPTH, PING_POSE, RECEPTION, REQUIRED_ESTIMATE
 from sblcosim.scenario.sources import known_source
-from sblcosim.simulation import user_code
+from sblcosim.simulation.code import user_code
 from sblcosim.study import study
 from typer.testing import CliRunner
 

@@ -13,14 +13,14 @@ import pytest
 import sblcosim
 from sblcosim.data.record import Record
 from sblcosim.errors import FmuError
-from sblcosim.results import metrics
-from sblcosim.results.definitions import FRAMES
+from sblcosim.judge import metrics
+from sblcosim.judge.definitions import FRAMES
 from sblcosim.results.responses import Run
 from sblcosim.results.sums import SUMS, responses, sums_of
 from sblcosim.scenario.wiring import connect
 from sblcosim.simulation.execution import MASTERS, execute
 from sblcosim.simulation.masters import lanes, lanes_driver, lanes_layout
-from sblcosim.simulation.plan import Plan, Setting
+from sblcosim.simulation.plans.plan import Plan, Setting
 from sblcosim.simulation.resolve import resolve
 from sblcosim.simulation.system import System
 from scipy.stats import chi2

@@ -11,14 +11,15 @@ import numpy as np
 import pandas as pd
 import pytest
 from sblcosim import style
-from sblcosim.analysis import figures
-from sblcosim.analysis.factorial import analyse
-from sblcosim.analysis.ranking import ranking
+from sblcosim.analysis.two_level import figures
+from sblcosim.analysis.two_level.analysis import analyse
+from sblcosim.analysis.two_level.ranking import ranking
 from sblcosim.data.record import Record
-from sblcosim.report import factorial, paper
+from sblcosim.report import paper
+from sblcosim.report import two_level as factorial
 from sblcosim.report.page import Code, Page, PagePicture, PageTable, Section, Text, inline, render
 from sblcosim.report.paper.figures import FIGURES, plot_waves
-from sblcosim.results.catalogue import by_name
+from sblcosim.results.figures.catalogue import by_name
 from sblcosim.study import study
 from synthetic_record import make_record
 

@@ -20,9 +20,10 @@ import pytest
 import sblcosim
 from matplotlib.collections import LineCollection
 from sblcosim import require
-from sblcosim.analysis.costs import of_levels
+from sblcosim.analysis.advice.costs import of_levels
 from sblcosim.errors import ConfigurationError
 from sblcosim.fmus.build import factory
+from sblcosim.judge.definitions import LOST
 from sblcosim.report.common import as_toml
 from sblcosim.require import figures, limiting, report, sequential, weighing
 from sblcosim.require.answer import Answer, missing
@@ -32,8 +33,7 @@ from sblcosim.require.question import Question, passable
 from sblcosim.require.run import decided
 from sblcosim.require.sequential import Elimination, Rule, looks, percentile
 from sblcosim.require.weighing import answered
-from sblcosim.results.definitions import LOST
-from sblcosim.results.drawing import free_places
+from sblcosim.results.figures.drawing import free_places
 from sblcosim.results.responses import RESPONSES, check_limit
 from sblcosim.simulation.how import How
 from sblcosim.study import store

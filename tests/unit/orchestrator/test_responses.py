@@ -13,8 +13,8 @@ import sblcosim
 from sblcosim.data.record import Record
 from sblcosim.data.truth import TRUTH
 from sblcosim.errors import ConfigurationError
+from sblcosim.judge.definitions import PERCENTAGES, order_statistics
 from sblcosim.results import responses, sums, user_responses
-from sblcosim.results.definitions import PERCENTAGES, order_statistics
 from sblcosim.results.responses import (
     ON_REQUEST,
     PERCENTILES,

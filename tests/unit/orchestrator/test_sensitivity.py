@@ -10,10 +10,10 @@ import numpy as np
 import pandas as pd
 import pytest
 from published_functions import ANGLES, ISHIGAMI, UNIT, UNITS, WITH_NOISE, G, g, ishigami, noisy
-from sblcosim.analysis import sensitivity_sentences
-from sblcosim.analysis.sensitivity import Sensitivity, indices, of_table
+from sblcosim.analysis.space import sentences as sensitivity_sentences
+from sblcosim.analysis.space.analysis import Sensitivity, indices, of_table
 from sblcosim.errors import ConfigurationError
-from sblcosim.results.definitions import LOST
+from sblcosim.judge.definitions import LOST
 from sblcosim.study.distributions import distribution_of
 from sblcosim.study.space import DrawnFactor, sample
 from sblcosim.study.stand_in import evaluate, model_of

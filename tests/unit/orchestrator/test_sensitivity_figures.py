@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from matplotlib.container import ErrorbarContainer
 from matplotlib.text import Text
-from sblcosim.analysis import sensitivity_figures as figures
-from sblcosim.analysis.sensitivity import Sensitivity, indices
+from sblcosim.analysis.space import figures
+from sblcosim.analysis.space.analysis import Sensitivity, indices
 from sblcosim.study.distributions import distribution_of
 from sblcosim.study.space import DrawnFactor, sample
 from sblcosim.style import new_figure

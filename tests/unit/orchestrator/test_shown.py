@@ -18,7 +18,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from sblcosim import limits
 from sblcosim.calibrate import calibrate
-from sblcosim.results.description import RunDescription
+from sblcosim.data.description import RunDescription
 from sblcosim.results.responses import Run
 from sblcosim.results.result import Result
 from sblcosim.shown import Listing, Picture

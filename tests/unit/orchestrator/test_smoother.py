@@ -12,10 +12,10 @@ from model_dive import dive, parameters, without
 from sblcosim.data.samples import Samples, pose_of
 from sblcosim.data.truth import Truth
 from sblcosim.estimation import late, linear, model, outcome, smoother
+from sblcosim.judge import metrics
+from sblcosim.judge.definitions import judged_by
 from sblcosim.models.receiver import lateness
 from sblcosim.models.receiver.surroundings import STATES
-from sblcosim.results import metrics
-from sblcosim.results.definitions import judged_by
 from scipy.spatial.transform import Rotation
 from scipy.stats import exponnorm, norm
 from seams import Seam

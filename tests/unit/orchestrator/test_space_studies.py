@@ -14,8 +14,10 @@ import pandas as pd
 import pytest
 import sblcosim
 from sblcosim import cli
-from sblcosim.analysis import sensitivity, sensitivity_sentences, workflow
-from sblcosim.cli import contents
+from sblcosim.analysis import workflow
+from sblcosim.analysis.space import analysis as sensitivity
+from sblcosim.analysis.space import sentences as sensitivity_sentences
+from sblcosim.cli.documents import contents
 from sblcosim.errors import ConfigurationError
 from sblcosim.report import study as reports
 from sblcosim.report.common import as_toml

@@ -14,13 +14,23 @@ import pytest
 import sblcosim
 import sblcosim.cli
 from sblcosim import style
-from sblcosim.comparison import alike, cost, many, tournament, tournament_figures
-from sblcosim.comparison.evaluation import ALL, PERCENTILE
-from sblcosim.comparison.tournament import RESPONSE, Tournament, evaluate
+from sblcosim.comparison.common.evaluation import ALL, PERCENTILE
+from sblcosim.comparison.many import run as many
+from sblcosim.comparison.tournament import (
+    alike,
+    cost,
+)
+from sblcosim.comparison.tournament import (
+    figures as tournament_figures,
+)
+from sblcosim.comparison.tournament import (
+    run as tournament,
+)
+from sblcosim.comparison.tournament.run import RESPONSE, Tournament, evaluate
 from sblcosim.errors import ConfigurationError
 from sblcosim.fmus.build import factory
-from sblcosim.results.consistency import of_runs
-from sblcosim.results.definitions import LOST
+from sblcosim.judge.consistency import of_runs
+from sblcosim.judge.definitions import LOST
 from sblcosim.scenario.scenario import load
 from sblcosim.study.study import load as load_study
 from seams import Seam

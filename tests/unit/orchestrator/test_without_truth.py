@@ -13,10 +13,10 @@ from sblcosim.data.truth import Truth
 from sblcosim.errors import ConfigurationError
 from sblcosim.estimation import model
 from sblcosim.estimation.after import assumed
-from sblcosim.results import metrics
-from sblcosim.results.definitions import judged_by
+from sblcosim.judge import metrics
+from sblcosim.judge.definitions import judged_by
+from sblcosim.judge.without_truth import agreement, innovations, residuals
 from sblcosim.results.result import Result
-from sblcosim.results.without_truth import agreement, innovations, residuals
 
 SECOND = 1_000_000_000
 EPOCHS = np.array([1, 2, 4, 8]) * SECOND

@@ -1,0 +1,1 @@
+"""The cheapest design of a study that is good enough."""

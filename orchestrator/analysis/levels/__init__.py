@@ -1,0 +1,1 @@
+"""Factors with any number of levels."""

@@ -1,0 +1,459 @@
+"""Analysis of designs whose factors have any number of levels, numbers or words, balanced or not.
+
+The model is the general linear one: a mean, a main effect of each factor, and interactions
+(Montgomery, Design and Analysis of Experiments, 8th edition, chapters 5 and 15.2). How its terms
+are defined is said in `sblcosim.analysis.levels.linear`, where errors come from in
+`sblcosim.analysis.levels.variance`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from html import escape
+from math import log
+from typing import TYPE_CHECKING, Any, Self, get_args
+
+import numpy as np
+import pandas as pd
+
+from ...errors import ConfigurationError, check_choice, nearest
+from ...lazy import Module
+from ...shown import Picture, Shown, folded, page, verbatim
+from ...study.design import Level
+from ..common.bounds import runs_to_see
+from ..common.model import Term, term_name
+from ..common.options import Options, Seeding, Transform
+from .cells import Cells, cells_of
+from .linear import LinearModel, SumsType, fitted_model
+from .medians import median_pairs
+from .variance import WeightedMeans, anova_table, cell_table, means_table, pair_table
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from ...style import ThemeName
+
+sentences: Any = Module("sblcosim.analysis.levels.sentences")
+figures: Any = Module("sblcosim.analysis.levels.figures")
+
+LOST = "lost"
+"""Column of lost runs."""
+CONTAMINATION = 0.05
+"""Smallest share of bad runs that each level has enough runs to show."""
+RUNAWAY = 50.0
+"""Of the median: a run beyond is told, however few there are."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class GeneralFactorial(Shown):
+    """The numbers of an analysed experiment with factors of any number of levels.
+
+    Attributes
+    ----------
+    response, unit, transform
+        The analysed quantity. With ``log`` it is the natural logarithm; differences are then
+        logarithms of ratios.
+    levels
+        Levels of each factor that have runs, in their order.
+    terms, typ
+        The model without its mean, as indices of the factors, and the type of its sums of squares.
+    left_out
+        Interactions that were asked for but cannot be estimated from the combinations of levels
+        that have runs: then the model has main effects alone.
+    seeding, confidence
+        Whether the runs of a replicate share their noise; of intervals.
+    anova
+        Per ``source`` (terms, residual, total and others): ``df``, ``sum_sq``, ``mean_sq``, ``F``,
+        ``p``; see `sblcosim.analysis.levels.variance.anova_table`.
+    means
+        Marginal means, each combination of the other factors' levels counted once: ``factor``,
+        ``level``, ``runs``, ``lost`` (share of the table's runs that are lost or have no finite
+        response), ``mean``, ``std_error``, ``df``, ``low``, ``high`` (interval of this mean alone;
+        NaN if it would reach below zero though no run does: it is not known then).
+    cells
+        The same for each two factors: ``first``, ``second``, ``first_level``, ``second_level`` …
+    pairs
+        Differences of the levels of each factor: ``factor``, ``one``, ``other``, ``difference``
+        (of one's mean less other's), ``std_error``, ``df``, ``t``, ``p`` (adjusted), ``low``,
+        ``high`` (intervals that hold for all pairs of the factor at once); ``ratio``,
+        ``ratio_low``, ``ratio_high`` for logarithms; ``median_difference``, ``median_low``,
+        ``median_high`` of the response itself (with common random numbers the median of the
+        differences within a replicate, see `sblcosim.analysis.levels.medians.median_pairs`);
+        ``differs``, judged by medians where means cannot be trusted (`by_medians`).
+    runs, combinations, dropped
+        Runs that were analysed, combinations of levels that they are of, and runs left out because
+        their response is not finite (or, with common random numbers, their replicate incomplete).
+    df, rmse, r2
+        Degrees of freedom and root of the residual mean square; share of the sum of squares that
+        the model explains.
+    spread
+        Smallest and largest standard deviation of the combinations that have two runs or more.
+    far, far_log
+        Share of the runs more than 5 robust standard deviations from the median of their
+        combination, of the response and of its logarithm; NaN if no combination has 10 runs.
+    heavy
+        Whether there are enough of these to call the tails heavy.
+    skewness
+        Of the runs about the mean of their combination; NaN as `far`.
+    fewest, runs_needed
+        Runs at the level that has the fewest, and as many as it takes to have seen a bad run at
+        every level if 1 in 20 is one.
+    empty
+        Levels without any run that counts.
+    units
+        Of the factors, for texts.
+    medians
+        Of all runs at each level, of the response itself whatever is analysed: ``factor``,
+        ``level``, ``median``, ``low``, ``high``; see
+        `sblcosim.analysis.levels.medians.median_table`.
+    practical
+        Smallest difference that matters, with ``log`` a ratio; None: none was said. With it `pairs`
+        has ``verdict``: ``equal`` (the interval is within ±practical), ``differs`` (it is
+        beyond), ``undecided``.
+    worst_run
+        Which run has the `largest`, if that is known.
+    labels, label
+        Names for people to read, of the factors and of the response, if they have any.
+    measured_in
+        Unit of the response itself, whatever is analysed.
+    largest, median
+        Of the response itself.
+    """
+
+    response: str
+    unit: str
+    transform: Transform
+    levels: Mapping[str, tuple[Level, ...]]
+    terms: tuple[Term, ...]
+    typ: SumsType
+    left_out: tuple[str, ...]
+    seeding: Seeding
+    confidence: float
+    anova: pd.DataFrame
+    means: pd.DataFrame
+    cells: pd.DataFrame
+    pairs: pd.DataFrame
+    runs: int
+    combinations: int
+    dropped: int
+    df: float
+    rmse: float
+    r2: float
+    spread: tuple[float, float]
+    far: float
+    far_log: float
+    heavy: bool
+    skewness: float
+    fewest: int
+    runs_needed: int
+    empty: tuple[str, ...]
+    units: Mapping[str, str] = field(default_factory=dict)
+    labels: Mapping[str, str] = field(default_factory=dict)
+    label: str = ""
+    measured_in: str = ""
+    largest: float = np.nan
+    median: float = np.nan
+    worst_run: str = ""
+    medians: pd.DataFrame = field(default_factory=pd.DataFrame)
+    practical: float | None = None
+
+    @property
+    def own_means(self) -> pd.DataFrame:
+        """`means` on the scale of the response: of logarithms, geometric means."""
+        if self.transform != "log":
+            return self.means
+        return self.means.assign(
+            **{name: np.exp(self.means[name]) for name in ("mean", "low", "high")}
+        )
+
+    @property
+    def mean_of(self) -> str:
+        """What `own_means` are, with their unit."""
+        unit = f" [{self.measured_in}]" if self.measured_in else ""
+        return f"{'Geometric mean' if self.transform == 'log' else 'Mean'} {self.response}{unit}"
+
+    @property
+    def shown_of(self) -> str:
+        """What stands first: medians where means cannot be trusted, with their unit."""
+        unit = f" [{self.measured_in}]" if self.measured_in else ""
+        return f"Median {self.response}{unit}" if self.by_medians else self.mean_of
+
+    @property
+    def ran_away(self) -> bool:
+        """Whether a single run is so far beyond the median that means rest on it."""
+        return self.transform == "none" and 0 < RUNAWAY * self.median < self.largest
+
+    @property
+    def by_medians(self) -> bool:
+        """Whether means cannot be trusted: heavy tails, a runaway, intervals not known."""
+        unknown = bool(self.means["low"].isna().any())
+        return self.transform == "none" and (self.heavy or self.ran_away or unknown)
+
+    @property
+    def judged_pairs(self) -> pd.DataFrame:
+        """`pairs` with the ``difference``, ``low`` and ``high`` that they are judged by."""
+        if not self.by_medians:
+            return self.pairs
+        medians = {name: self.pairs[f"median_{name}"] for name in ("difference", "low", "high")}
+        return self.pairs.assign(**medians, p=np.nan)
+
+    @property
+    def within_replicates(self) -> bool:
+        """Whether pairs are judged by medians of differences, not by differences of medians."""
+        return self.by_medians and self.seeding == "common"
+
+    @property
+    def factors(self) -> tuple[str, ...]:
+        """Names of the factors."""
+        return tuple(self.levels)
+
+    @property
+    def quantity(self) -> str:
+        """The analysed quantity in words."""
+        return f"ln {self.response}" if self.transform == "log" else self.response
+
+    @property
+    def readable(self) -> Self:
+        """The same with `labels` and `label` instead of the columns' names, for people."""
+        names = {name: self.labels.get(name, name) for name in self.factors}
+        terms = {term_name(term, self.factors): term_name(term, tuple(names.values()))
+                 for term in self.terms}
+        return replace(
+            self,
+            response=self.label or self.response,
+            levels={names[name]: levels for name, levels in self.levels.items()},
+            anova=self.anova.rename(index=terms),
+            means=self.means.assign(factor=self.means["factor"].map(names)),
+            cells=self.cells.assign(first=self.cells["first"].map(names),
+                                    second=self.cells["second"].map(names)),
+            pairs=self.pairs.assign(factor=self.pairs["factor"].map(names)),
+            medians=self.medians.assign(factor=self.medians["factor"].map(names)),
+            units={names[name]: unit for name, unit in self.units.items() if name in names},
+            labels={},
+            label="",
+        )
+
+    def text(self, *, verbose: bool = False, width: int | None = None, most: int = 12) -> str:
+        """The analysis in words: the answer, the analysis of variance, the means of the levels.
+
+        Parameters
+        ----------
+        verbose
+            With the `most` largest differences of each factor, and how it was analysed.
+        width
+            Columns to fit into; None: sentences are not wrapped.
+        """
+        text: str = sentences.summary(self.readable, most, verbose, width, self.response)
+        return text
+
+    def __str__(self) -> str:
+        return self.text()
+
+    def _gist(self) -> str:
+        sizes = ", ".join(f"{name} ({len(levels)})" for name, levels in self.levels.items())
+        return f"of {self.runs} runs, {self.response} by {sizes}"
+
+    def _repr_html_(self) -> str:
+        shown = self.readable
+        return page(
+            f"Means of {shown.quantity}",
+            f"<p>{escape(sentences.answer(shown))}</p>",
+            shown.anova.to_html(float_format="{:.4g}".format, border=0, na_rep=""),
+            shown.means.to_html(float_format="{:.4g}".format, border=0, index=False),
+            folded("How to read the numbers", verbatim("\n".join(sentences.notes(shown)))),
+        )
+
+    def plot_means(self, ax: Axes | None = None, theme: ThemeName = "light") -> Picture:
+        """See `sblcosim.analysis.levels.figures.plot_means`."""
+        return Picture(figures.plot_means(self.readable, ax, theme), ax)
+
+    def plot_interactions(self, ax: Axes | None = None, theme: ThemeName = "light") -> Picture:
+        """See `sblcosim.analysis.levels.figures.plot_interactions`."""
+        return Picture(figures.plot_interactions(self.readable, ax, theme), ax)
+
+    def plot_pairs(self, ax: Axes | None = None, theme: ThemeName = "light") -> Picture:
+        """See `sblcosim.analysis.levels.figures.plot_pairs`."""
+        return Picture(figures.plot_pairs(self.readable, ax, theme), ax)
+
+
+def analyse(
+    table: pd.DataFrame,
+    factors: Sequence[str],
+    response: str,
+    *,
+    order: int = 2,
+    typ: SumsType = 2,
+    transform: Transform = "none",
+    seeding: Seeding = "independent",
+    replicate: str = "replicate",
+    confidence: float = 0.95,
+    levels: Mapping[str, Sequence[Level]] | None = None,
+    lost: str = LOST,
+    practical: float | None = None,
+    labels: Mapping[str, str] | None = None,
+    label: str = "",
+    units: Mapping[str, str] | None = None,
+    unit: str = "",
+) -> GeneralFactorial:
+    """Analyse an experiment whose factors have any number of levels, balanced or not.
+
+    Parameters
+    ----------
+    table
+        One row per run: levels, numbers or words, and the response. Rows without a finite response
+        are left out.
+    factors, response
+        Columns.
+    order
+        The model has interactions of up to this many factors. If the combinations of levels that
+        have runs cannot estimate them all, main effects are taken alone, and the result says so.
+    typ
+        Of the sums of squares: 2 or 3.
+    transform
+        ``log`` analyses the natural logarithm of the response.
+    seeding
+        ``common`` if the runs of a replicate share their random numbers.
+    replicate
+        Column of the replicate's number, for common random numbers.
+    confidence
+        Of intervals.
+    levels
+        All levels of some factors, in their order; that of the others is the order in the table.
+    lost
+        Column that is not zero for lost runs, if the table has it: their share stands beside every
+        mean.
+    practical
+        Smallest difference of two levels that matters; with ``log`` a ratio, above 1. It is of
+        means, or of medians where means cannot be trusted.
+    labels, label, units, unit
+        For texts: names of the factors and of the response, and their units.
+
+    Raises
+    ------
+    ConfigurationError
+        A column, a level or an option is not as it must be, main effects cannot be told apart, or
+        nothing is left to estimate an error from.
+    """
+    factors = tuple(factors)
+    check_choice("transform", transform, ("none", "log"))
+    check_choice("typ", typ, get_args(SumsType))
+    options = Options(
+        seeding=seeding, transform=transform, error="pure", practical=practical,
+        confidence=confidence, unit=unit,
+        replicate=replicate, run_order="",
+    )
+    if lost != LOST and lost not in table:
+        raise ConfigurationError(
+            f"lost: must be a column of the table, got {lost!r}"
+            + nearest(lost, map(str, table.columns))
+        )
+    cells = cells_of(table, factors, response, levels or {}, lost, options)
+    model = fitted_model(cells, order)
+    names = {"labels": dict(labels or {}), "units": dict(units or {})}
+    for where, given in names.items():
+        for name in given:
+            if name not in factors:
+                raise ConfigurationError(
+                    f"{where}: must be of the factors, got {name!r}" + nearest(name, factors)
+                )
+    y = table[response].to_numpy(np.float64, na_value=np.nan)
+    y = y[np.isfinite(y)]
+    analysis = _assembled(response, options, typ, model, label, names)
+    analysis = replace(analysis, largest=float(y.max()), median=float(np.median(y)))
+    if transform == "none" and y.min() >= 0:
+        analysis = _without_negative(analysis)
+    return judged(replace(analysis, pairs=_with_medians(analysis, model.cells)))
+
+
+def _with_medians(analysis: GeneralFactorial, cells: Cells) -> pd.DataFrame:
+    """The pairs with the differences of their medians."""
+    each = None if cells.values is None or analysis.transform != "none" else {
+        name: cells.by_level(i) for i, name in enumerate(cells.factors)
+    }
+    medians = median_pairs(analysis.pairs, analysis.medians, each, analysis.confidence)
+    return analysis.pairs.assign(**{f"median_{name}": medians[name] for name in medians})
+
+
+def judged(analysis: GeneralFactorial) -> GeneralFactorial:
+    """The same with its pairs judged by what stands first: means, or medians."""
+    by = analysis.judged_pairs
+    low, high = by["low"].to_numpy(np.float64), by["high"].to_numpy(np.float64)
+    pairs = analysis.pairs.assign(differs=(low > 0) | (high < 0))
+    if analysis.practical is not None:
+        limit = log(analysis.practical) if analysis.transform == "log" else analysis.practical
+        equal, differs = (low > -limit) & (high < limit), (low > limit) | (high < -limit)
+        pairs["verdict"] = np.select([equal, differs], ["equal", "differs"], "undecided")
+    return replace(analysis, pairs=pairs)
+
+
+def _without_negative(analysis: GeneralFactorial) -> GeneralFactorial:
+    """The same without intervals of means that reach below zero: such a mean is not known."""
+    tables = {}
+    for name in ("means", "cells"):
+        table = getattr(analysis, name)
+        tables[name] = table.assign(**{
+            end: table[end].where(~(table["low"] < 0)) for end in ("high", "low")
+        })  # fmt: skip
+    return replace(analysis, **tables)
+
+
+def _assembled(
+    response: str,
+    options: Options,
+    typ: SumsType,
+    model: LinearModel,
+    label: str,
+    names: Mapping[str, Mapping[str, str]],
+) -> GeneralFactorial:
+    """All tables of a model."""
+    cells, errors, confidence = model.cells, WeightedMeans(model), options.confidence
+    anova = anova_table(model, typ)
+    means = means_table(model, errors, confidence)
+    pairs = pair_table(model, errors, confidence, options.is_ratio)
+    total: Any = anova.loc["total"]
+    residual: Any = anova.loc["residual"]
+    return GeneralFactorial(
+        response=response,
+        unit="" if options.is_ratio else options.unit,
+        measured_in=options.unit,
+        transform=options.transform,
+        levels=cells.levels,
+        terms=model.terms,
+        typ=typ,
+        left_out=tuple(term_name(term, cells.factors) for term in model.left_out),
+        seeding=options.seeding,
+        confidence=confidence,
+        anova=anova,
+        means=means,
+        cells=cell_table(model, errors, confidence),
+        pairs=pairs,
+        runs=int(cells.runs.sum()),
+        combinations=len(cells.runs),
+        dropped=cells.dropped,
+        df=float(residual["df"]),
+        rmse=float(np.sqrt(residual["mean_sq"])),
+        r2=1 - (model.pure[0] + model.lack[0]) / float(total["sum_sq"]),
+        spread=_spread(cells),
+        far=cells.far,
+        far_log=cells.far_log,
+        heavy=cells.heavy,
+        skewness=cells.skewness,
+        fewest=int(means["runs"].min()),
+        runs_needed=runs_to_see(CONTAMINATION, (1 - confidence) / len(means)),
+        empty=cells.empty,
+        medians=cells.medians,
+        practical=options.practical,
+        label=label,
+        labels=names["labels"],
+        units=names["units"],
+    )
+
+
+def _spread(cells: Cells) -> tuple[float, float]:
+    """Smallest and largest standard deviation of the cells."""
+    several = cells.runs > 1
+    if not several.any():
+        return np.nan, np.nan
+    std = np.sqrt(cells.squares[several] / (cells.runs[several] - 1))
+    return float(std.min()), float(std.max())

@@ -1,0 +1,434 @@
+"""Two-level factorial analysis: which factor changes a response, by how much, and how surely.
+
+The model is a linear one in coded units, −1 for a factor's low level and +1 for its high level
+(the paper's section 5.1; Montgomery, Design and Analysis of Experiments, 8th edition, chapters 6
+to 8). An effect is the change of the mean from low to high, twice the coefficient. Three ways lead
+to its uncertainty:
+
+``ols``
+    Ordinary least squares: every run has noise of its own. Where points have several runs, the
+    error is the scatter of the runs about their points' means, the *pure error*. The scatter about
+    the model, the *residual*, also holds what the model leaves out, such as interactions of three
+    factors: intervals from it are wider than they say.
+``replicates``
+    Common random numbers: the runs of a replicate share their noise, so that errors are not
+    independent, and least squares is wrong about them. Effects are taken in each replicate, and
+    their scatter over the replicates is the error; each has its own.
+``lenth``
+    No degrees of freedom are left for the error: Lenth's pseudo standard error, from the effects
+    themselves (Technometrics 31, 1989, 469–473).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from html import escape
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+
+from ...lazy import Module
+from ...shown import Picture, Shown, folded, page, verbatim
+from ..common.model import (
+    ALIAS_ORDER,
+    Term,
+    TwoLevelModel,
+    checked_levels,
+    chosen_terms,
+    estimable,
+    term_name,
+    terms_up_to,
+)
+from ..common.options import Error, Method, Options, Seeding, Transform
+from ..common.runs import check_columns, transformed, usable
+from .effects import (
+    anova_table,
+    effect_table,
+    interaction_table,
+    main_effect_table,
+    point_table,
+)
+from .fit import (
+    LeastSquares,
+    Uncertainty,
+    curvature,
+    from_replicates,
+    from_runs,
+    least_squares,
+    residual_table,
+)
+from .noise import FTest, Lenth
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from ...style import ThemeName
+
+sentences: Any = Module("sblcosim.analysis.two_level.sentences")
+figures: Any = Module("sblcosim.analysis.two_level.figures")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Factorial(Shown):
+    """The numbers of an analysed factorial experiment.
+
+    Attributes
+    ----------
+    response, unit, transform
+        The analysed quantity. With ``log`` it is the natural logarithm, with ``spread`` that of the
+        standard deviation over the replicates of a point; effects are then differences of
+        logarithms.
+    levels
+        Low and high level of each factor, in its own unit.
+    terms
+        The model without its mean, as indices of the factors.
+    method, seeding, confidence
+        Where the uncertainties come from, and the confidence of intervals and reference lines.
+    error, sigma, df
+        Source of the error of the effects: ``pure``, the scatter between replicates, or
+        ``residual``, with lack of fit in it; its standard deviation of a single run; and its
+        degrees of freedom, those of t. With Lenth's method there is neither: None and NaN. With
+        common random numbers each effect has a scatter of its own: ``pure`` and NaN.
+    practical
+        Smallest effect that matters, in units of the effects; None if not given.
+    effects
+        One row per term: ``order``, ``coefficient``, ``effect``, ``std_error`` (of the effect),
+        ``t``, ``p``, ``low``, ``high`` (confidence interval), ``share`` (of the total sum of
+        squares), ``significant``; ``ratio``, ``ratio_low``, ``ratio_high`` (high over low) for
+        logarithms; ``verdict`` (``matters``, ``too small``, ``undecided``) if `practical` is given.
+    anova
+        Sums of squares, one row per term, then curvature, residual with its parts lack of fit and
+        pure error, and total. With common random numbers each term has its own error, and the
+        residual is less the replicates' means, which have a row.
+    runs, dropped
+        Runs that were analysed, and those left out because their response is not finite (or, with
+        common random numbers, because their replicate is incomplete).
+    rmse
+        Root of the residual mean square, lack of fit in it; NaN if nothing is left for it.
+    r2, r2_adjusted, r2_predicted, press
+        Of the model over single runs. For the last two each run (with common random numbers: each
+        replicate) is predicted from the others.
+    lack_of_fit, curvature
+        Tests, None where there is nothing to test. With common random numbers lack of fit is
+        tested over the replicates with Greenhouse and Geisser's degrees of freedom.
+    lenth
+        Where no degrees of freedom are left.
+    overall_mean
+        Mean over the design points, without centre points.
+    points
+        The design points: factors, ``runs``, ``mean``, ``std``, ``fit``.
+    main_effects
+        Mean at each level: ``factor``, ``level``, ``value``, ``mean``.
+    interactions
+        Mean of each pair of levels: ``first``, ``second``, ``first_value``, ``second_value``,
+        ``mean``.
+    residuals
+        One row per run: ``fit``, ``residual``, ``standardised``, ``run_order``.
+    aliases
+        Terms outside of the model, up to order 3, that the design cannot tell from those in it.
+    replicate_effects
+        Effects of each replicate, one column per term; None unless `method` is ``replicates``.
+    table
+        The runs: factors, response (transformed), replicate and run order as far as they exist.
+    units
+        Of the factors, for texts.
+    reduced
+        Whether interactions are left out because the design points cannot tell them apart.
+    labels, label
+        Names for people to read, of the factors and of the response, if they have any.
+    """
+
+    response: str
+    unit: str
+    transform: Transform
+    levels: Mapping[str, tuple[float, float]]
+    terms: tuple[Term, ...]
+    method: Method
+    seeding: Seeding
+    error: Error | None
+    sigma: float
+    confidence: float
+    practical: float | None
+    effects: pd.DataFrame
+    anova: pd.DataFrame
+    runs: int
+    dropped: int
+    df: float
+    rmse: float
+    r2: float
+    r2_adjusted: float
+    r2_predicted: float
+    press: float
+    lack_of_fit: FTest | None
+    curvature: FTest | None
+    lenth: Lenth | None
+    overall_mean: float
+    points: pd.DataFrame
+    main_effects: pd.DataFrame
+    interactions: pd.DataFrame
+    residuals: pd.DataFrame
+    aliases: Mapping[str, tuple[str, ...]]
+    replicate_effects: pd.DataFrame | None
+    table: pd.DataFrame
+    units: Mapping[str, str] = field(default_factory=dict)
+    reduced: bool = False
+    labels: Mapping[str, str] = field(default_factory=dict)
+    label: str = ""
+
+    @property
+    def factors(self) -> tuple[str, ...]:
+        """Names of the factors."""
+        return tuple(self.levels)
+
+    @property
+    def quantity(self) -> str:
+        """The analysed quantity in words."""
+        word = {"none": "", "log": "ln ", "spread": "ln s of "}[self.transform]
+        return f"{word}{self.response}"
+
+    @property
+    def readable(self) -> Self:
+        """The same with `labels` and `label` instead of the columns' names, for people."""
+        return self.named(self.labels, None, self.label or None)
+
+    @property
+    def reference(self) -> float:
+        """The t beyond which an effect is significant: t(1−α/2, df)."""
+        return float(stats.t.ppf((1 + self.confidence) / 2, self.df))
+
+    def named(
+        self,
+        labels: Mapping[str, str],
+        units: Mapping[str, str] | None = None,
+        response: str | None = None,
+    ) -> Self:
+        """The same for people to read: other names for factors and response.
+
+        Parameters
+        ----------
+        labels
+            By factor; the others keep their names.
+        units
+            Of the factors, by their old names.
+        response
+            New name.
+        """
+        names = {name: labels.get(name, name) for name in self.factors}
+        new = tuple(names.values())
+        terms = {
+            term_name(term, self.factors): term_name(term, new)
+            for term in (*terms_up_to(ALIAS_ORDER, len(new)), *self.terms)
+        }
+        terms |= {f"−{old}": f"−{name}" for old, name in terms.items()}
+        response = self.response if response is None else response
+        return replace(
+            self,
+            response=response,
+            levels={names[name]: level for name, level in self.levels.items()},
+            effects=self.effects.rename(index=terms),
+            anova=self.anova.rename(index=terms),
+            points=self.points.rename(columns=names),
+            main_effects=self.main_effects.replace({"factor": names}),
+            interactions=self.interactions.replace({"first": names, "second": names}),
+            aliases={
+                terms.get(term, term): tuple(terms.get(other, other) for other in same)
+                for term, same in self.aliases.items()
+            },
+            replicate_effects=None if self.replicate_effects is None
+            else self.replicate_effects.rename(columns=terms),
+            table=self.table.rename(columns=names | {self.response: response}),
+            units={names[name]: unit for name, unit in (units or self.units).items()},
+            labels={},
+            label="",
+        )
+
+    def ranked(self) -> pd.DataFrame:
+        """The effects, the largest first."""
+        return self.effects.sort_values("effect", key=np.abs, ascending=False, kind="stable")
+
+    def text(self, *, verbose: bool = False, width: int | None = None, most: int = 12) -> str:
+        """The analysis in words: the answer, then the `most` largest effects.
+
+        Parameters
+        ----------
+        verbose
+            With standard errors, t and p, and how it was analysed.
+        width
+            Columns to fit into; None: sentences are not wrapped.
+        """
+        text: str = sentences.summary(self.readable, most, verbose, width, self.response)
+        return text
+
+    def __str__(self) -> str:
+        return self.text()
+
+    def _gist(self) -> str:
+        largest = ", ".join(
+            f"{name} {effect:+.3g}" for name, effect in self.readable.ranked()["effect"][:3].items()
+        )
+        return f"of {self.runs} runs, effects on {self.response}: {largest}, …"
+
+    def _repr_html_(self) -> str:
+        shown = self.readable
+        table = shown.ranked().to_html(float_format="{:.4g}".format, border=0)
+        notes = "\n".join(sentences.notes(shown))
+        return page(
+            f"Effects on {shown.quantity}",
+            f"<p>{escape(sentences.answer(shown))}</p>",
+            table,
+            folded("How to read the numbers", verbatim(notes)),
+        )
+
+    def plot_pareto(self, ax: Axes | None = None, theme: ThemeName = "light") -> Picture:
+        """See `sblcosim.analysis.two_level.figures.plot_pareto`."""
+        return Picture(figures.plot_pareto(self.readable, ax, theme), ax)
+
+    def plot_interactions(self, ax: Axes | None = None, theme: ThemeName = "light") -> Picture:
+        """See `sblcosim.analysis.two_level.figures.plot_interactions`."""
+        return Picture(figures.plot_interactions(self.readable, ax, theme), ax)
+
+    def plot_main_effects(self, ax: Axes | None = None, theme: ThemeName = "light") -> Picture:
+        """See `sblcosim.analysis.two_level.figures.plot_main_effects`."""
+        return Picture(figures.plot_main_effects(self.readable, ax, theme), ax)
+
+    def plot_residuals(self, ax: Axes | None = None, theme: ThemeName = "light") -> Picture:
+        """See `sblcosim.analysis.two_level.figures.plot_residuals`."""
+        return Picture(figures.plot_residuals(self.readable, ax, theme), ax)
+
+    def plot_box_cox(self, ax: Axes | None = None, theme: ThemeName = "light") -> Picture:
+        """See `sblcosim.analysis.two_level.figures.plot_box_cox`."""
+        return Picture(figures.plot_box_cox(self.readable, ax, theme), ax)
+
+
+def analyse(
+    table: pd.DataFrame,
+    factors: Sequence[str],
+    response: str,
+    *,
+    order: int | None = None,
+    terms: Sequence[str | Sequence[str]] | None = None,
+    levels: Mapping[str, tuple[float, float]] | None = None,
+    seeding: Seeding = "independent",
+    transform: Transform = "none",
+    error: Error = "pure",
+    practical: float | None = None,
+    confidence: float = 0.95,
+    unit: str = "",
+    replicate: str = "replicate",
+    run_order: str = "run_order",
+) -> Factorial:
+    """Analyse a two-level factorial experiment, full or fractional, with or without centre points.
+
+    Parameters
+    ----------
+    table
+        One row per run: the factors' levels in their own units, the response, and perhaps the
+        columns `replicate` and `run_order`. Rows without a finite response are left out.
+    factors, response
+        Columns.
+    order
+        The model has interactions of up to this many factors; by default of two, or none if the
+        design points cannot tell those apart.
+    terms
+        The model itself instead: factors, and interactions as sequences of factors or as the
+        analysis names them, ``A × B``.
+    levels
+        Low and high level of each factor; without it they are the smallest and largest of the
+        table.
+    seeding
+        ``common`` if the runs of a replicate share their random numbers.
+    transform
+        ``log`` analyses the natural logarithm of the response, ``spread`` that of its standard
+        deviation over the runs of each point.
+    error
+        Of the effects: ``pure``, the scatter between replicates (where there are none, that about
+        the model), or ``residual``, the scatter about the model, which holds its lack of fit, too.
+    practical
+        Smallest effect that matters, in the unit of the response; with a transform a ratio
+        above 1.
+    confidence
+        Of intervals and of the reference line.
+    unit
+        Of the response, for texts.
+    replicate, run_order
+        Names of these columns. Without a run order one is drawn, the same every time.
+
+    Raises
+    ------
+    ConfigurationError
+        A column or a level is not as it must be, or the design cannot estimate the model; the
+        terms that cannot be told apart are named.
+    """
+    factors = tuple(factors)
+    check_columns(table, factors, response)
+    options = Options(
+        seeding=seeding, transform=transform, error=error, practical=practical,
+        confidence=confidence, unit=unit, replicate=replicate, run_order=run_order,
+    )
+    chosen = chosen_terms(factors, order, terms)
+    data = usable(table, factors, response, options)
+    dropped = len(table) - len(data)
+    data, analysed = transformed(data, factors, response, options)
+    bounds = checked_levels(data, factors, levels)
+    model = estimable(data, bounds, chosen, order, reducible=order is None and terms is None)
+    fit = least_squares(analysed, model)
+    if seeding == "common":
+        uncertainty = from_replicates(fit, model, data[replicate])
+    else:
+        uncertainty = from_runs(fit, model, options)
+    return _assembled(response, data, dropped, options, model, fit, uncertainty)
+
+
+def _assembled(
+    response: str,
+    data: pd.DataFrame,
+    dropped: int,
+    options: Options,
+    model: TwoLevelModel,
+    fit: LeastSquares,
+    uncertainty: Uncertainty,
+) -> Factorial:
+    """All tables of a fitted model."""
+    effects = effect_table(fit, uncertainty, model, options)
+    bend = curvature(fit, uncertainty, model)
+    points = point_table(fit, model)
+    means = points["mean"].to_numpy()
+    spare, total = fit.spare, fit.total
+    return Factorial(
+        response=response,
+        unit="" if options.is_ratio else options.unit,
+        transform=options.transform,
+        levels=model.levels,
+        terms=model.terms,
+        method=uncertainty.method,
+        seeding=options.seeding,
+        error=uncertainty.error,
+        sigma=uncertainty.sigma,
+        confidence=options.confidence,
+        practical=options.limit,
+        effects=effects,
+        anova=anova_table(effects, fit, uncertainty, model, bend),
+        runs=len(data),
+        dropped=dropped,
+        df=uncertainty.df,
+        rmse=fit.rmse,
+        r2=1 - fit.ssr / total,
+        r2_adjusted=1 - (fit.ssr / spare) / (total / (len(data) - 1)) if spare else np.nan,
+        r2_predicted=1 - uncertainty.press / total,
+        press=uncertainty.press,
+        lack_of_fit=uncertainty.lack_of_fit,
+        curvature=bend,
+        lenth=uncertainty.lenth,
+        overall_mean=float(points.loc[~model.centre, "mean"].mean()),
+        points=points,
+        main_effects=main_effect_table(model.points, means, model.levels),
+        interactions=interaction_table(model.points, means, model.levels),
+        residuals=residual_table(fit, uncertainty, data.get(options.run_order)),
+        aliases=model.aliases,
+        replicate_effects=uncertainty.replicate_effects,
+        table=data,
+        reduced=model.reduced,
+    )

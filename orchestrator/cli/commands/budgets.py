@@ -1,0 +1,132 @@
+"""The command that finds out what an error comes from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ...errors import check_choice
+from ..common import completion
+from ..common.app import (
+    ForceOption,
+    JsonOption,
+    NoFiguresOption,
+    OneReceiverOption,
+    ScenarioArgument,
+    SeedOption,
+    SetOption,
+    VerboseOption,
+    app,
+    destination,
+    numeric,
+    one_receiver,
+    overrides,
+    say,
+    show,
+    waiting,
+    where,
+    width,
+)
+from ..common.keeping import keeping
+
+
+def _sources(incomplete: str) -> completion.Offers:
+    from ...scenario.error_sources import SOURCES
+
+    before, plus, last = incomplete.rpartition("+")
+    offers = completion.starting(
+        [(name.replace(" ", "-"), it.words) for name, it in SOURCES.items()], last
+    )
+    return [(f"{before}{plus}{name}", words) for name, words in offers]
+
+
+@app.command()
+def budget(
+    scenario: ScenarioArgument,
+    receiver: OneReceiverOption = None,
+    set_: SetOption = None,
+    better: Annotated[
+        bool,
+        typer.Option("--better", help="Replace equipment by better one, instead of a perfect one."),
+    ] = False,
+    together: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--with",
+            metavar="A+B",
+            help="Switch these errors together, too, e.g. clock+sound-speed; repeat it for others.",
+            autocompletion=_sources,
+        ),
+    ] = None,
+    untold: Annotated[
+        bool, typer.Option("--untold", help="Do not tell the receiver of the switch.")
+    ] = False,
+    frame: Annotated[
+        str,
+        typer.Option(
+            metavar="absolute|own_relative",
+            help="Of the error: absolute, or to the platform's true position.",
+            autocompletion=completion.words("absolute", "own_relative"),
+        ),
+    ] = "absolute",
+    runs: Annotated[
+        int | None, numeric("--runs", int, "N", "With each switch [default: 400].", low=30)
+    ] = None,
+    workers: Annotated[
+        int | None, numeric("--workers", int, "N", "At the same time [default: all cores].", low=1)
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="DIR",
+            help="Folder for the results [default: runs/NAME-budget, or the next number if that "
+            "holds another one].",
+        ),
+    ] = None,
+    force: ForceOption = False,
+    as_json: JsonOption = False,
+    verbose: VerboseOption = False,
+    seed: SeedOption = None,
+    no_figures: NoFiguresOption = False,
+) -> None:
+    """Find out where the error comes from.
+
+    Switches each error of a scenario off alone, and on alone, in many runs with the same noise, and
+    does the same with the bound. Shares are of the mean square; what does not add up is printed.
+    The folder gets budget.csv and a bar chart. After Ctrl-C or a crash the same command goes on.
+    """
+    with waiting("simulating", remaining=True) as progress:
+        from ... import artifacts
+        from ...comparison.budget import run as budgets
+        from ...comparison.budget.result import FRAMES
+        from ...scenario.scenario import load
+
+        check_choice("frame", frame, [*FRAMES])
+        chosen = one_receiver(receiver)
+        settled = load(scenario, overrides(set_, seed))
+        wanted, other = destination(out, Path("runs", f"{settled.name}-budget"), force)
+        artifacts.check(wanted, other=other)
+        with keeping(wanted) as keep:
+            found = budgets.budget(
+                settled,
+                chosen,
+                better=better,
+                together=together or (),
+                untold=untold,
+                runs=budgets.RUNS if runs is None else runs,
+                workers=workers,
+                progress=progress,
+                keep=keep,
+            )
+            text = found.text(frame, verbose=verbose, width=width())
+            folder = found.save(wanted, figures=not no_figures, other=other)
+    if as_json:
+        from ..documents.budgets import Budget
+
+        show(Budget.of(found.to_json() | {"folder": str(folder)}))
+    else:
+        typer.echo(text)
+        say(f"\n{where(folder, wanted)}")

@@ -1,0 +1,138 @@
+"""Commands for FMUs: build ours, check anybody's."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ...errors import ConfigurationError, FmuError
+from ..common import completion
+from ..common.app import JsonOption, app, numeric, say, show, waiting
+
+
+@app.command()
+def build(
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[NAME]...",
+            help="Components; none: all.",
+            autocompletion=completion.components,
+        ),
+    ] = None,
+    fmi: Annotated[
+        int | None, numeric("--fmi", int, "2|3", "FMI version; none: both.", low=2, high=3)
+    ] = None,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the FMUs.")] = (
+        Path("fmus")
+    ),
+    beacons: Annotated[
+        int | None,
+        numeric("--beacons", int, "N", "Number of beacons, 3 to 8; none: 4."),
+    ] = None,
+    all_platforms: Annotated[
+        bool,
+        typer.Option(
+            "--all-platforms",
+            help="For Linux and macOS on x86-64 and ARM and Windows on x86-64 in one file; "
+            "none: for this machine.",
+        ),
+    ] = False,
+) -> None:
+    """Build our components as FMUs.
+
+    They become DIR/fmi2/NAME.fmu and DIR/fmi3/NAME.fmu; for six beacons NAME6.fmu, if beacons
+    matter to them.
+    """
+    from sblcosim.fmus.build.factory import build as build_fmu
+    from sblcosim.fmus.files import write_file
+    from sblcosim.models import COMPONENTS
+
+    constants = {} if beacons is None else {"beacons": beacons}
+    with waiting("building"):
+        built = [
+            (path, out / f"fmi{version}" / path.name)
+            for version in ((2, 3) if fmi is None else (fmi,))
+            for name in (names or COMPONENTS)
+            for path in [build_fmu(name, version, all_platforms, None, **constants)]
+        ]
+        for cached, path in built:
+            try:
+                write_file(path, cached.read_bytes())
+            except OSError as error:
+                raise ConfigurationError(
+                    f"{path}: must be writable, got {error.strerror}"
+                ) from None
+    for _, path in built:
+        typer.echo(str(path))
+
+
+@app.command()
+def check(
+    file: Annotated[Path, typer.Argument(metavar="FILE.fmu", readable=False)],
+    as_json: JsonOption = False,
+) -> None:
+    """Say whether an FMU can be a receiver.
+
+    Lists its variables against the contract and loads it; the exit code is 1 if either fails.
+    """
+    from sblcosim.fmus.conformance.receiver_contract import check_receiver
+
+    report = check_receiver(file, load=True)
+    if as_json:
+        from ..documents.by_command import Check
+
+        findings = [asdict(finding) for finding in report.findings]
+        show(Check.of({"fmu": str(report.path), "ok": report.ok, "findings": findings}))
+    else:
+        say(str(report))
+    if not report.ok:
+        raise typer.Exit(1)
+
+
+@app.command()
+def conformance(
+    file: Annotated[Path, typer.Argument(metavar="FILE.fmu", readable=False)],
+    checks: Annotated[
+        list[str] | None,
+        typer.Option("--check", metavar="NAME", help="One check only; repeat it for several."),
+    ] = None,
+    timeout: Annotated[
+        float,
+        numeric("--timeout", float, "SECONDS", "Time that a call may take.", low=0.1),
+    ] = 30.0,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="The exit code is 1 for warnings, too.")
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Check that an FMU keeps the promises of FMI 2 or 3 Co-Simulation and its own.
+
+    A check has failed where the standard says otherwise; what is lawful but hurts users is a
+    warning. Crashes and calls that do not return are findings. A check is blocked if this machine
+    lacks what the FMU needs, such as a library or a licence. The exit code is 1 if a check has
+    failed, and 2 if FILE.fmu cannot be checked or a check is blocked.
+    """
+    from sblcosim.fmus.conformance.kit import CheckResult, examine
+
+    def say_so(result: CheckResult) -> None:
+        if not as_json:
+            say(str(result))
+            sys.stdout.flush()  # also into a file: whoever waits sees how far it is
+
+    with waiting("checking"):
+        report = examine(file, only=checks or (), patience=timeout, each=say_so)
+    if as_json:
+        from ..documents.by_command import Conformance
+
+        show(Conformance.of(report.to_json()))
+    else:
+        say(report.summary)
+    if report.ok and report.blocked is not None:
+        raise FmuError(f"{file}: must find here what it needs, got: {report.blocked}")
+    if not report.ok or (strict and report.count("warning")):
+        raise typer.Exit(1)

@@ -1,0 +1,96 @@
+"""Commands for questions: which design is the cheapest that surely suffices."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..common import completion
+from ..common.app import JsonOption, VerboseOption, app, numeric, say, show, table, waiting, width
+from ..common.outcome import kept
+from .studies import ExecutorOption, SchedulerOption, WorkersOption
+
+
+@app.command()
+def require(
+    source: Annotated[
+        str,
+        typer.Argument(
+            metavar="QUESTION",
+            help="TOML file, or a name from 'sblcosim questions'.",
+            autocompletion=completion.questions,
+        ),
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="DIR",
+            help="Folder; what is there already is not run again [default: answers/NAME].",
+        ),
+    ] = None,
+    most_runs: Annotated[
+        int | None,
+        numeric("--most-runs", int, "N", "Budget, in place of the question's.", low=1),
+    ] = None,
+    until_sure: Annotated[
+        bool,
+        typer.Option(
+            "--until-sure",
+            help="No new runs of designs that are dearer than one that surely suffices.",
+        ),
+    ] = False,
+    workers: WorkersOption = None,
+    executor: ExecutorOption = "threads",
+    scheduler: SchedulerOption = None,
+    as_json: JsonOption = False,
+    verbose: VerboseOption = False,
+) -> None:
+    """Find the cheapest design that surely meets a requirement; runs go where they decide.
+
+    The folder gets a report, the front of cost and accuracy, and the design's scenario. After
+    Ctrl-C or a crash the same command goes on. The exit code is 1 if no design surely suffices.
+    """
+    with waiting(remaining=True) as progress:
+        from ...require import question as questions
+        from ...require import report, run
+
+        asked = questions.load(source)
+        out = out or Path("answers", asked.study.name)
+        try:
+            found = run.decide(
+                asked, out, most_runs=most_runs, until_sure=until_sure, workers=workers,
+                executor=executor, scheduler=scheduler, progress=progress,
+            )  # fmt: skip
+        except KeyboardInterrupt as stop:
+            from ...study import store
+
+            done = len(store.finished(out / run.RUNS))
+            kept(stop, str(done), out)
+    folder = out / run.ANSWER
+    if as_json:
+        from ..documents import contents
+
+        show(contents.requirement(found, folder))
+    else:
+        typer.echo(found.text(verbose=verbose, width=width()))
+        say(f"\nwritten to {folder}; the report is {folder / report.REPORT}")
+    if found.chosen is None:
+        raise typer.Exit(1)
+
+
+@app.command()
+def questions(as_json: JsonOption = False) -> None:
+    """List the questions that come with the project."""
+    from ... import listings
+
+    found = listings.questions()
+    if as_json:
+        from ..documents.document import Entry
+        from ..documents.studies import Questions
+
+        show(Questions(questions=[Entry(name=name, title=title) for name, title in found.items()]))
+    else:
+        table([*found.items()])

@@ -1,0 +1,450 @@
+"""Commands for scenarios: simulate, smooth, look, begin a new one, calibrate."""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+import sys
+from contextlib import redirect_stdout
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ...errors import ConfigurationError, shortened
+from ...scenario import likes
+from ..common import completion
+from ..common.app import (
+    FmiOption,
+    ForceOption,
+    JsonOption,
+    NoFiguresOption,
+    ReceiverOption,
+    RunnableArgument,
+    SeedOption,
+    SetOption,
+    StepTimeoutOption,
+    SvgOption,
+    VerboseOption,
+    app,
+    beside,
+    destination,
+    numeric,
+    overrides,
+    refuse_silence,
+    report,
+    say,
+    show,
+    table,
+    waiting,
+    where,
+    width,
+)
+from ..common.keeping import keeping
+
+
+@app.command()
+def run(
+    scenario: RunnableArgument,
+    receiver: ReceiverOption = None,
+    set_: SetOption = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="DIR",
+            help="Folder for the results [default: runs/NAME, or the next number if that holds "
+            "another run].",
+        ),
+    ] = None,
+    force: ForceOption = False,
+    as_json: JsonOption = False,
+    verbose: VerboseOption = False,
+    fmi: FmiOption = None,
+    seed: SeedOption = None,
+    master: Annotated[
+        str | None,
+        typer.Option(
+            "--master",
+            metavar="native|python|lanes",
+            help="What runs it [default: native if it can].",
+            autocompletion=completion.words("native", "python", "lanes"),
+        ),
+    ] = None,
+    step_timeout: StepTimeoutOption = None,
+    no_figures: NoFiguresOption = False,
+    runs: Annotated[
+        int | None,
+        numeric("--runs", int, "N", "So many, each with the next seed: mean and spread.", low=2),
+    ] = None,
+) -> None:
+    """Simulate a scenario, or an SSP package, and write its results.
+
+    Prints a verdict for each receiver and the table of errors; the record, a manifest and the
+    figures go to a folder. The exit code is 1 if a receiver has given no estimate at all.
+
+    Of an SSP package, FILE.ssp, all is in the file: its communication intervals are those that
+    'sblcosim export ssp' has written, or the step given for OMSimulator or the Open Simulation
+    Platform, or the default step sizes of its FMUs, or a thousandth of the run. Without receivers,
+    the folder has the record and the manifest.
+
+    With --runs N, prints how each receiver does in N runs, and mean and spread; the folder has
+    their tables, and a typical and the worst run in folders of their own. After Ctrl-C or a crash
+    the same command goes on, and also one with more runs.
+    """
+    from ...results.figures.artist import forked_artist
+
+    if runs is not None:
+        settled, name = _settled(scenario, receiver, set_, fmi, seed)
+        wanted, other = destination(out, Path("runs", f"{name}-{runs}-runs"), force)
+        with waiting() as progress, redirect_stdout(sys.stderr):
+            from ... import artifacts
+            from ...comparison.many.run import run_many
+
+            artifacts.check(wanted, other=other)
+            with keeping(out or Path("runs", f"{name}-runs")) as keep:
+                many = run_many(
+                    settled, receiver or (), () if fmi is None else (f"fmi={fmi}",), runs=runs,
+                    master=master, step_timeout=step_timeout, progress=progress, keep=keep,
+                )  # fmt: skip
+                folder = many.save(wanted, drawn=not no_figures, other=other)
+        report(many, folder, wanted, "runs", as_json, verbose)
+        refuse_silence(many)
+        return
+    # What a user's code prints is no part of the result.
+    with (
+        forked_artist(not no_figures) as artist,
+        waiting() as progress,
+        redirect_stdout(sys.stderr),
+    ):
+        from ... import api, artifacts
+
+        settled, name = _settled(scenario, receiver, set_, fmi, seed)
+        wanted, other = destination(out, Path("runs", name), force)
+        artifacts.check(wanted, other=other)
+        result = api.run(
+            settled,
+            receiver or (),
+            fmi=fmi,
+            master=master,
+            step_timeout=step_timeout,
+            progress=progress,
+            before=lambda manifest: artifacts.check(wanted, manifest, other),
+        )
+        folder = result.save(wanted, figures=not no_figures, other=other, artist=artist)
+    report(result, folder, wanted, "run", as_json, verbose)
+    refuse_silence(result)
+
+
+def _settled(
+    scenario: str,
+    receiver: list[str] | None,
+    set_: list[str] | None,
+    fmi: int | None,
+    seed: int | None,
+) -> tuple[Any, str]:
+    """What is simulated, a scenario or the path of a package, and its name."""
+    from ...packages.read import is_package
+    from ...scenario.scenario import load
+
+    if not is_package(scenario):
+        settled = load(scenario, overrides(set_, seed))
+        return settled, settled.name
+    for name, value in (
+        ("--receiver", receiver), ("--set", set_), ("--fmi", fmi), ("--seed", seed),
+    ):  # fmt: skip
+        if value is not None and value != []:
+            got = shortened(str(value[0] if isinstance(value, list) else value))
+            raise ConfigurationError(
+                f"{name}: must be left out for an SSP package, which holds all that runs, got {got}"
+            )
+    return scenario, Path(scenario).stem
+
+
+@app.command()
+def smooth(
+    folder: Annotated[
+        Path, typer.Argument(metavar="RUN", help="Folder that 'sblcosim run' has written.")
+    ],
+    set_: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="KEY=VALUE",
+            help="Change what is assumed, e.g. receiver.acceleration_psd_m2_s3=0.003.",
+            autocompletion=completion.keys,
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", metavar="DIR", help="Folder for the results [default: RUN-smoothed]."
+        ),
+    ] = None,
+    force: ForceOption = False,
+    as_json: JsonOption = False,
+    verbose: VerboseOption = False,
+    no_figures: NoFiguresOption = False,
+) -> None:
+    """Estimate the track of a finished run from all that was received in it.
+
+    The most probable track, forwards and backwards in time, with the model of the receiver
+    'coupled'; tables and figures have it beside the receivers of the run.
+    """
+    from ...results.figures.artist import forked_artist
+
+    with forked_artist(not no_figures) as artist, waiting("smoothing"):
+        from ... import artifacts
+        from ...estimation.after import smooth as smooth_run
+
+        wanted, other = destination(out, beside(folder, "smoothed"), force)
+        artifacts.check(wanted, other=other)
+        smoothed = smooth_run(folder, set_ or ())
+        written = smoothed.save(wanted, figures=not no_figures, other=other, artist=artist)
+    report(smoothed, written, wanted, "smooth", as_json, verbose)
+
+
+@app.command()
+def plan(
+    scenario: RunnableArgument,
+    receiver: ReceiverOption = None,
+    set_: SetOption = None,
+    fmi: FmiOption = None,
+    seed: SeedOption = None,
+    svg: SvgOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Print what would run, a scenario or an SSP package, and how it is connected.
+
+    Of a package: its components and systems, connections with units, and intervals, before the
+    tables of the run. With --svg FILE they are drawn as well, for light and dark pages.
+    """
+    drawn = ""
+    with waiting():
+        from ...packages import drawing, picture
+        from ...packages.read import is_package, opened
+        from ...scenario.wiring import connect
+        from ...simulation.plans.checks import check_size
+        from ...simulation.resolve import resolve
+
+        settled, _ = _settled(scenario, receiver, set_, fmi, seed)
+        if is_package(settled):
+            with opened(settled) as package:
+                resolved = resolve(package.system, where=str(package.path))
+                check_size(resolved)
+                if svg is not None:
+                    picture.save(svg, package, resolved)
+                drawn = drawing.text(package, resolved, width()) + "\n\n"
+        elif svg is not None:
+            raise ConfigurationError(f"--svg: must come with an SSP package, got {scenario}")
+        else:
+            resolved = resolve(connect(settled, receiver or (), fmi))
+            check_size(resolved)
+    if as_json:
+        from ..documents.contents import plan as content
+
+        show(content(resolved))
+    else:
+        typer.echo(drawn + resolved.text(width()))
+
+
+@app.command()
+def calibrate(
+    sound_speed: Annotated[
+        float, numeric("--sound-speed", float, "M_S", "True speed of sound in m/s.")
+    ] = 1530.0,
+    assumed_sound_speed: Annotated[
+        float,
+        numeric("--assumed-sound-speed", float, "M_S", "With which ranges are formed, in m/s."),
+    ] = 1500.0,
+    range_std: Annotated[float, numeric("--range-std", float, "M", "Noise of a range in m.")] = 0.1,
+    distance: Annotated[float, numeric("--distance", float, "M", "Known distance in m.")] = 10.0,
+    distance_std: Annotated[
+        float, numeric("--distance-std", float, "M", "Its standard uncertainty in m.")
+    ] = 0.0,
+    clock_offset: Annotated[
+        float, numeric("--clock-offset", float, "S", "Receiver's clock error in s.")
+    ] = 0.0,
+    pings: Annotated[int, numeric("--pings", int, "N", "Pings per distance.")] = 100,
+    seed: Annotated[int, numeric("--seed", int, "N", "Seed of the noise.")] = 1,
+    fmi: Annotated[int, numeric("--fmi", int, "2|3", "FMI version.", low=2, high=3)] = 2,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", metavar="DIR", help="Folder for the results [default: runs/calibration]."
+        ),
+    ] = None,
+    force: ForceOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Calibrate the speed of sound and test the ranges.
+
+    As in the paper's section 2.3: the speed of sound from a known distance, and ranges at 0 to
+    100 m in steps of 5 m against the truth, through the Acoustics FMU.
+    """
+    with waiting("calibrating"):
+        from ... import artifacts
+        from ...calibrate import calibrate as measure
+
+        wanted, other = destination(out, Path("runs", "calibration"), force)
+        artifacts.check(wanted, other=other)
+        result = measure(
+            sound_speed=sound_speed,
+            assumed_sound_speed=assumed_sound_speed,
+            range_std=range_std,
+            distance=distance,
+            distance_std=distance_std,
+            clock_offset=clock_offset,
+            pings=pings,
+            seed=seed,
+            fmi=3 if fmi == 3 else 2,
+        )
+        folder = result.save(wanted, other=other)
+    if as_json:
+        from ..documents.by_command import Calibration
+
+        show(Calibration.of(result.to_json() | {"folder": str(folder)}))
+    else:
+        say(f"{result}\n\n{where(folder, wanted)}")
+
+
+@app.command()
+def scenarios(as_json: JsonOption = False) -> None:
+    """List the scenarios that come with the project."""
+    from ... import listings
+
+    found = listings.scenarios()
+    if as_json:
+        from ..documents.by_command import Scenarios
+        from ..documents.document import Entry
+
+        show(Scenarios(scenarios=[Entry(name=name, title=title) for name, title in found.items()]))
+    else:
+        table([*found.items()])
+
+
+@app.command()
+def receivers(as_json: JsonOption = False) -> None:
+    """List the receivers that can be chosen by name."""
+    from ... import listings
+
+    if as_json:
+        from sblcosim.models import RECEIVERS
+
+        from ...scenario.doubts import PURPOSES
+        from ..documents.by_command import ReceiverEntry, Receivers
+
+        entries = [
+            ReceiverEntry(
+                name=name, description=component.description, purpose=PURPOSES.get(name, ""),
+                keys=[variable.key for variable in component.of("parameter")],
+            )
+            for name, component in RECEIVERS.items()
+        ]  # fmt: skip
+        show(Receivers(receivers=entries))
+        return
+    table([*listings.receivers().items()])
+    say("or the path of an .fmu file; 'sblcosim check FILE.fmu' says whether it fits")
+    say("or FILE.py:CLASS, a class made from sblcosim.Receiver")
+
+
+def _asked(system: likes.Like) -> dict[str, Any]:
+    """Answers to the questions about a system; Enter takes what stands in brackets."""
+    from ...scenario.overrides import pairs
+    from ...scenario.scenario import load
+    from ...scenario.schema import rows, toml
+
+    answers: dict[str, Any] = {}
+    for question in system.questions:
+        table, key = question.key.split(".")
+        settings = getattr(load(system.source, answers.items()), table)
+        usual = rows(settings.variables.get(key), getattr(settings, key))
+        while True:
+            said = typer.prompt(question.text, default=toml(usual), type=str)
+            if said == toml(usual):
+                break
+            try:
+                ((_, value),) = pairs([f"{question.key}={said}"])
+                load(system.source, {**answers, question.key: value}.items())
+            except ConfigurationError as error:
+                say(re.sub(r"^override \w+\.", "", str(error), flags=re.MULTILINE))
+                continue
+            answers[question.key] = value
+            break
+    return answers
+
+
+_OTHER_FORMAT = r"\.[^\W\d]\w*"
+"""An end that is not part of the name, as it is in ``dive.1``."""
+
+
+@app.command()
+def new(
+    file: Annotated[Path, typer.Argument(metavar="FILE.toml")],
+    source: Annotated[
+        str | None,
+        typer.Option(
+            "--from",
+            metavar="SCENARIO",
+            help="Begin with the keys of this scenario.",
+            autocompletion=completion.scenarios,
+        ),
+    ] = None,
+    like: Annotated[
+        str | None,
+        typer.Option(
+            "--like",
+            metavar="|".join(likes.LIKES),
+            help="Begin with a system of this kind; on a terminal its numbers are asked for.",
+            autocompletion=completion.likes,
+        ),
+    ] = None,
+    yes: Annotated[bool, typer.Option("--yes", help="Ask nothing.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
+) -> None:
+    """Write a scenario file to begin with.
+
+    It runs as it is. Its schema, with which editors complete and explain keys, is written beside
+    it.
+    """
+    from ...scenario.starter import starter
+
+    if not re.match(r"\w", file.name):
+        raise ConfigurationError(
+            f"{file}: must have a name that begins with a letter or digit, got {file.name!r}"
+        )
+    if file.suffix != ".toml" and re.fullmatch(_OTHER_FORMAT, file.suffix):
+        raise ConfigurationError(f"{file}: must be a TOML file, FILE.toml, got {file.suffix}")
+    if file.suffix != ".toml":
+        file = file.with_name(f"{file.name}.toml")
+    if like is not None and source is not None:
+        raise ConfigurationError("--like: must come without --from, got both")
+    system = None if like is None else likes.like(like)
+    answers: dict[str, Any] = {}
+    if system is not None and not yes and sys.stdin.isatty():
+        answers = _asked(system)
+    base = source if system is None else system.source
+    _write_new(file, starter(file.stem, base, answers.items()), force)
+
+
+def _write_new(file: Path, text: str, force: bool) -> None:
+    """Write a scenario and the schema that goes with it."""
+    from sblcosim.fmus.files import write_file
+
+    from ...scenario.file_schema import FILE_NAME, scenario_schema
+
+    if not file.parent.is_dir():
+        raise ConfigurationError(f"{file}: must be in a folder that exists, got {file.parent}")
+    schema = file.with_name(FILE_NAME)
+    try:
+        write_file(file, text.encode(), replace=force)
+        write_file(schema, json.dumps(scenario_schema(), indent=1).encode())
+    except FileExistsError:
+        raise ConfigurationError(
+            f"{file}: must not exist yet, got an existing file; --force replaces it"
+        ) from None
+    except OSError as error:
+        raise ConfigurationError(f"{file}: must be writable, got {error.strerror}") from None
+    command = shlex.join(["sblcosim", "run", str(file)])
+    say(f"written to {file}, with {schema.name} for editors beside it; simulate it with: {command}")

@@ -1,0 +1,120 @@
+"""The command that compares receivers."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import redirect_stdout
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..common import completion
+from ..common.app import (
+    ForceOption,
+    JsonOption,
+    NoFiguresOption,
+    ReceiverOption,
+    SeedOption,
+    SetOption,
+    StepTimeoutOption,
+    VerboseOption,
+    app,
+    destination,
+    numeric,
+    overrides,
+    refuse_silence,
+    report,
+    waiting,
+)
+from ..common.keeping import keeping
+from .studies import ContaminationOption, MasterOption, WorkersOption
+
+ScenariosArgument = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="SCENARIO...",
+        help="TOML files, or names from 'sblcosim scenarios'.",
+        autocompletion=completion.scenarios,
+    ),
+]
+
+
+@app.command()
+def compare(
+    scenarios: ScenariosArgument,
+    receiver: ReceiverOption = None,
+    runs: Annotated[int, numeric("--runs", int, "N", "Of each scenario.", low=2)] = 200,
+    set_: SetOption = None,
+    practical: Annotated[
+        float | None,
+        numeric("--practical", float, "SIZE", "Differences below it do not matter."),
+    ] = None,
+    response: Annotated[
+        str | None,
+        typer.Option(
+            "--response",
+            metavar="NAME|FILE.py:FUNCTION",
+            help="What is compared, less is better [default: RMS total error].",
+            autocompletion=completion.responses,
+        ),
+    ] = None,
+    settling: Annotated[
+        float,
+        numeric("--settling", float, "S", "Errors count from this time after the start.", low=0),
+    ] = 0.0,
+    contamination: ContaminationOption = 0.05,
+    seed: SeedOption = None,
+    workers: WorkersOption = None,
+    master: MasterOption = None,
+    step_timeout: StepTimeoutOption = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="DIR",
+            help="Folder for the results [default: runs/comparison, or the next number if that "
+            "holds another one].",
+        ),
+    ] = None,
+    force: ForceOption = False,
+    as_json: JsonOption = False,
+    verbose: VerboseOption = False,
+    no_figures: NoFiguresOption = False,
+) -> None:
+    """Say which receiver is better, on the same noise for all.
+
+    Prints the answer, then for each scenario and over all of them the error, lost runs, covariance
+    and time of each receiver, and the paired differences, whose intervals all hold at once. Equal
+    is said only with --practical. The folder has the tables and a figure. After Ctrl-C or a crash
+    the same command goes on. The exit code is 1 if a receiver has given no estimate in any run of a
+    scenario.
+    """
+    # What a user's code prints is no part of the result.
+    with waiting(remaining=True) as progress, redirect_stdout(sys.stderr):
+        from ... import artifacts
+        from ...comparison.tournament.result import RESPONSE
+        from ...comparison.tournament.run import compare as compared
+
+        wanted, other = destination(out, Path("runs", "comparison"), force)
+        artifacts.check(wanted, other=other)
+        with keeping(wanted) as keep:
+            found = compared(
+                scenarios,
+                receiver or (),
+                runs=runs,
+                response=response or RESPONSE,
+                settling_s=settling,
+                practical=practical,
+                overrides=overrides(set_, None),
+                seed=seed,
+                contamination=contamination,
+                workers=workers,
+                master=master,
+                step_timeout=step_timeout,
+                progress=progress,
+                keep=keep,
+            )
+            folder = found.save(wanted, drawn=not no_figures, other=other)
+    report(found, folder, wanted, "compare", as_json, verbose)
+    refuse_silence(found)

@@ -1,0 +1,290 @@
+"""What all commands share: the application, options, progress."""
+
+from __future__ import annotations
+
+import math
+import shutil
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ...errors import ConfigurationError, resolved, shortened
+from . import completion
+from .outcome import ErrorReportingGroup, say_warnings
+
+if TYPE_CHECKING:
+    from ...artifacts import Other
+    from ..documents.document import Document
+
+PATIENCE = 2.0
+"""Seconds after which a command shows what it is doing."""
+
+
+def numeric(
+    name: str,
+    kind: type[int] | type[float],
+    metavar: str,
+    description: str,
+    *,
+    low: float | None = None,
+    high: float | None = None,
+) -> Any:
+    """An option that takes a number; a wrong one is refused in our words.
+
+    Parameters
+    ----------
+    low, high
+        Smallest and largest value that are taken.
+    """
+    what = "a whole number" if kind is int else "a finite number"
+    if low is not None:
+        what += f" from {low} to {high}" if high is not None else f" of at least {low}"
+
+    def parse(text: Any) -> int | float:
+        try:
+            value = kind(text)
+        except (ValueError, OverflowError):
+            pass
+        else:
+            least, most = -math.inf if low is None else low, math.inf if high is None else high
+            if least <= value <= most and abs(value) != math.inf:
+                return value
+        raise ConfigurationError(f"{name}: must be {what}, got {shortened(repr(text))}")
+
+    return typer.Option(name, metavar=metavar, help=description, parser=parse)
+
+
+app = typer.Typer(
+    cls=ErrorReportingGroup,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    help="Co-simulation of a short-baseline acoustic positioning system for divers.",
+)
+
+
+def _scenario(what: str) -> Any:
+    return typer.Argument(metavar="SCENARIO", help=what, autocompletion=completion.scenarios)
+
+
+ScenarioArgument = Annotated[str, _scenario("TOML file, or a name from 'sblcosim scenarios'.")]
+RunnableArgument = Annotated[
+    str,
+    _scenario("TOML file, a name from 'sblcosim scenarios', or an SSP package, FILE.ssp."),
+]
+ReceiverOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--receiver",
+        metavar="NAME|FILE.fmu|FILE.py:CLASS",
+        help="Receiver in place of the scenario's; repeat it to compare several on equal noise.",
+        autocompletion=completion.receivers,
+    ),
+]
+OneReceiverOption = Annotated[
+    list[str] | None,  # one that is given twice would silently be the last one
+    typer.Option(
+        "--receiver",
+        metavar="NAME|FILE.fmu|FILE.py:CLASS",
+        help="Receiver in place of the scenario's.",
+        autocompletion=completion.receivers,
+    ),
+]
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        help="Change a key, e.g. platform.arm_length_m=0.4.",
+        autocompletion=completion.keys,
+    ),
+]
+FmiOption = Annotated[
+    int | None, numeric("--fmi", int, "2|3", "FMI version of our components.", low=2, high=3)
+]
+SvgOption = Annotated[
+    Path | None,
+    typer.Option("--svg", metavar="FILE", help="Draw the system of an SSP package as SVG."),
+]
+StepTimeoutOption = Annotated[
+    float | None,
+    numeric(
+        "--step-timeout",
+        float,
+        "SECONDS",
+        "Until a call of an FMU of others or of a Python file is given up [default: 60].",
+    ),
+]
+ForceOption = Annotated[
+    bool, typer.Option("--force", help="Replace the result of another run in the folder.")
+]
+JsonOption = Annotated[
+    bool,
+    typer.Option(
+        "--json", help="Print JSON and nothing else; its schema: sblcosim schema COMMAND.json."
+    ),
+]
+VerboseOption = Annotated[
+    bool, typer.Option("--verbose", help="Say how to read the numbers, and give more of them.")
+]
+NoFiguresOption = Annotated[bool, typer.Option("--no-figures", help="Draw no figures.")]
+SeedOption = Annotated[int | None, numeric("--seed", int, "N", "Seed of all random numbers.")]
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        typer.echo(f"sblcosim {version('sblcosim')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _common(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_print_version, is_eager=True, help="Print the version and exit."
+        ),
+    ] = False,
+) -> None:
+    pass
+
+
+def one_receiver(given: list[str] | None) -> str | None:
+    """The receiver of a command that takes a single one; None: the scenario's."""
+    if given and len(given) > 1:
+        raise ConfigurationError(
+            f"--receiver: must be given once, got {shortened(' and '.join(given))}; "
+            "'sblcosim compare' takes several"
+        )
+    return given[0] if given else None
+
+
+def overrides(keys: list[str] | None, seed: int | None) -> list[str]:
+    return [*(keys or ()), *(() if seed is None else (f"seed={seed}",))]
+
+
+def destination(out: Path | None, default: Path, force: bool) -> tuple[Path, Other]:
+    """The folder of the results, and what is done about those of another run."""
+    return out or default, "replace" if force else "number" if out is None else "refuse"
+
+
+def width() -> int | None:
+    """Columns of the terminal; None in a pipe or a file, where nothing is wrapped."""
+    return shutil.get_terminal_size().columns if sys.stdout.isatty() else None
+
+
+def say(text: str) -> None:
+    """Print a text that fits the terminal."""
+    from ...layout import fitted
+
+    typer.echo(fitted(text, width()))
+
+
+def show(document: Document) -> None:
+    """Print JSON."""
+    typer.echo(document.text())
+
+
+def where(folder: Path, wanted: Path) -> str:
+    """The line that says where the results are."""
+    other = "" if folder == wanted else f"; {wanted} holds something else"
+    return f"written to {folder}{other}"
+
+
+def report(
+    result: Any, folder: Path, wanted: Path, command: str, as_json: bool, verbose: bool
+) -> None:
+    """Print the result of a run."""
+    if as_json:
+        from ..documents.by_command import DOCUMENTS
+
+        show(DOCUMENTS[command].of(result.to_json() | {"folder": str(folder)}))
+    else:
+        typer.echo(result.text(verbose=verbose, width=width()))
+        say(f"\n{where(folder, wanted)}")
+
+
+def refuse_silence(result: Any) -> None:
+    """End with exit code 1 if a receiver has given no estimate at all."""
+    for line in result.problems:
+        typer.echo(f"error: {line}", err=True)
+    if result.problems:
+        raise typer.Exit(1)
+
+
+def beside(results: Path, what: str) -> Path:
+    """Default folder of what is computed from a folder of results, also if that is ``.``."""
+    whole = resolved(results)
+    near = whole if results.name in {"", ".."} else results
+    return near.parent / f"{whole.name}-{what}"
+
+
+def table(rows: list[tuple[str, str]]) -> None:
+    from ...layout import table as laid_out
+
+    typer.echo("\n".join(laid_out(rows, width())))
+
+
+@contextmanager
+def waiting(
+    what: str = "preparing", *, remaining: bool = False
+) -> Iterator[Callable[..., None]]:
+    """Show progress on a terminal's stderr, as soon as it takes longer than two seconds.
+
+    Parameters
+    ----------
+    remaining
+        Show the remaining time, too.
+
+    Yields
+    ------
+    function
+        Takes the share that is done, and perhaps a word for what is being done.
+    """
+    if not sys.stderr.isatty():
+        yield lambda share, doing="": say_warnings()
+        return
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        TaskProgressColumn,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+
+    display = Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TaskProgressColumn(),
+        *((TimeRemainingColumn(),) if remaining else ()),
+        console=Console(stderr=True),
+        transient=True,
+    )
+    task = display.add_task(what, total=None)
+    timer = threading.Timer(PATIENCE, display.start)
+    timer.daemon = True
+    timer.start()
+
+    def show(share: float, doing: str = "") -> None:
+        say_warnings()
+        display.update(
+            task,
+            total=1.0,
+            completed=share,
+            description=doing or ("simulating" if share < 1.0 else "writing"),
+        )
+
+    try:
+        yield show
+    finally:
+        timer.cancel()
+        timer.join()  # it may be starting the display just now
+        display.stop()

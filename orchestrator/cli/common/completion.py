@@ -1,0 +1,111 @@
+"""What the shell offers to complete; where nothing fits, it offers files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from textwrap import shorten
+from typing import Any
+
+LONGEST = 70
+"""Characters of an explanation: more would be wrapped, which zsh does not take."""
+Offers = list[tuple[str, str]]
+"""Words, each with its explanation; bash shows the words only."""
+
+
+def words(*choices: str) -> Callable[[str], Offers]:
+    """Offer some words."""
+    return lambda incomplete: starting([(choice, "") for choice in choices], incomplete)
+
+
+def scenarios(incomplete: str) -> Offers:
+    """Offer the scenarios that are included."""
+    from ...scenario.library import shipped
+
+    return starting(((name, "") for name in shipped("sblcosim.scenario")), incomplete)
+
+
+def studies(incomplete: str) -> Offers:
+    """Offer the studies that are included."""
+    from ...scenario.library import shipped
+
+    return starting(((name, "") for name in shipped("sblcosim.study")), incomplete)
+
+
+def questions(incomplete: str) -> Offers:
+    """Offer the questions that are included."""
+    from ...scenario.library import shipped
+
+    return starting(((name, "") for name in shipped("sblcosim.require")), incomplete)
+
+
+def likes(incomplete: str) -> Offers:
+    """Offer the systems that a scenario may begin like."""
+    from ...scenario.likes import LIKES
+
+    return starting(((name, it.about) for name, it in LIKES.items()), incomplete)
+
+
+def receivers(incomplete: str) -> Offers:
+    """Offer our receivers."""
+    from sblcosim.models import RECEIVERS
+
+    return starting(((name, it.description) for name, it in RECEIVERS.items()), incomplete)
+
+
+def responses(incomplete: str) -> Offers:
+    """Offer the responses that are better if smaller."""
+    from ...comparison.tournament.run import lesser
+
+    return starting(lesser().items(), incomplete)
+
+
+def components(incomplete: str) -> Offers:
+    """Offer our components."""
+    from sblcosim.models import COMPONENTS
+
+    return starting(((name, it.description) for name, it in COMPONENTS.items()), incomplete)
+
+
+def keys(incomplete: str) -> Offers:
+    """Offer ``KEY=``, and for a single key its choices, or what holds without it."""
+    from ...scenario.file_schema import scenario_schema
+
+    offers: Offers = []
+    last: dict[str, Any] = {}
+    for key, schema in _keys(scenario_schema()["properties"]):
+        start = f"{key}="
+        if start.startswith(incomplete) or incomplete.startswith(start):
+            offers.append((start, schema.get("description", "")))
+            last = schema
+    if len(offers) == 1:  # two words or more, or bash would add a space
+        start, explained = offers[0]
+        offers += [(f"{start}{value}", explained) for value in _values(last)]
+    return starting(offers, incomplete)
+
+
+def _keys(properties: dict[str, Any], above: str = "") -> Iterator[tuple[str, dict[str, Any]]]:
+    for name, schema in properties.items():
+        if not above and "properties" in schema:
+            yield from _keys(schema["properties"], f"{name}.")
+        else:
+            yield f"{above}{name}", schema
+
+
+def _values(schema: dict[str, Any]) -> Iterator[str]:
+    from ...scenario.schema import TRUE, toml
+
+    if schema.get("type") == "boolean":
+        yield from ("true", "false")
+    elif "enum" in schema:
+        yield from (str(value) for value in schema["enum"] if value != TRUE)  # a word of TOML
+    elif "default" in schema:
+        yield toml(schema["default"])
+
+
+def starting(offers: Iterable[tuple[str, str]], incomplete: str) -> Offers:
+    """Those that begin so."""
+    return [
+        (word, shorten(explained, LONGEST, placeholder="…"))
+        for word, explained in offers
+        if word.startswith(incomplete)
+    ]

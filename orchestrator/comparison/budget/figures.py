@@ -1,0 +1,66 @@
+"""The figure of a budget: which part of the mean square goes with each error."""
+
+from __future__ import annotations
+
+from textwrap import fill
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from ...style import PLAIN, ThemeName, new_figure, use
+from ...words.numbers import short_length
+from .result import FRAMES, Budget, bars
+
+_NARROW = 5.0
+"""Width of a figure [inch] below which the names of the sources are wrapped sooner."""
+_CHARACTERS = 12.0
+"""Of a title or label, per inch."""
+
+
+def plot_budget(
+    budget: Budget, frame: str = "absolute", ax: Axes | None = None, theme: ThemeName = "light"
+) -> Axes:
+    """Shares of the mean square that go with each source alone, of the receiver and of the bound.
+
+    Whiskers are the 95 % intervals. The sources of error are sorted; below them stand what is left
+    when all are switched, and what does not add up.
+    """
+    names = bars(budget, frame)
+    rows = budget.of(frame).loc[names]
+    bound = not np.isnan(rows["bound_share"]).all()
+    with use(theme, ax) as look:
+        own = ax is None
+        if ax is None:
+            ax = new_figure(6.4, 1.6 + 0.42 * len(names)).add_subplot()
+        inches = ax.figure.bbox.width / ax.figure.dpi
+        labels = [fill(budget.label(name), 26 if inches > _NARROW else 16) for name in names]
+        beside = max(len(line) for label in labels for line in label.split("\n"))
+        across = max(round(_CHARACTERS * (inches - 0.3)) - beside, 12)
+        y = np.arange(len(names))[::-1].astype(float)
+        high = 0.38 if bound else 0.6
+        share, low, top = (100 * rows[k].to_numpy() for k in ("share", "share_low", "share_high"))
+        ax.barh(y + high / 2 * bound, share, high, color=look.receivers[0], label=budget.receiver)
+        ax.errorbar(
+            share, y + high / 2 * bound, xerr=[np.fmax(share - low, 0), np.fmax(top - share, 0)],
+            fmt="none", ecolor=look.ink, elinewidth=1.1, capsize=2.5,
+        )  # fmt: skip
+        if bound:
+            ax.barh(y - high / 2, 100 * rows["bound_share"].to_numpy(), high, hatch="///", lw=0,
+                    color=look.receivers[1], edgecolor=look.paper, label=budget.bound_kind)
+        ax.axvline(0, color=look.ink, lw=0.8)
+        ax.axhline(1.5, color=look.soft, lw=0.8, ls=(0, (3, 2)))
+        ax.set_yticks(y, labels, **PLAIN)
+        ax.tick_params(axis="y", length=0)
+        ax.grid(axis="y", visible=False)
+        does = "is made better" if budget.better else "is switched off"
+        ax.set_xlabel(fill(f"Share of the mean square that goes when this {does} [%]", across))
+        whole = short_length(budget.of(frame)["rms_m"].iloc[0])
+        rms = f"{whole} RMS".replace(" ", "\N{NO-BREAK SPACE}")
+        title = f"{budget.receiver} in {budget.scenario}: {FRAMES[frame]}, {rms}"
+        ax.set_title(fill(title, across), loc="left")
+        ax.margins(y=0.02)
+        if bound and own:
+            ax.figure.legend(loc="outside lower center", ncols=2)
+        elif bound:
+            ax.legend(loc="best", frameon=True, facecolor=look.paper, edgecolor="none")
+    return ax

@@ -1,0 +1,326 @@
+"""A budget of errors: in a sentence, a table, a figure, a folder."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from ... import artifacts, layout, style
+from ...errors import ConfigurationError, nearest, quoted
+from ...judge.definitions import LOST
+from ...lazy import Module
+from ...scenario.error_sources import SOURCES
+from ...shown import Picture, Shown, page, verbatim
+from ...words.numbers import short_length
+from ...words.shares import percent, whole_percent
+from .shares import CONFIDENCE
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+figures: Any = Module("sblcosim.comparison.budget.figures")
+
+FRAMES: Mapping[str, str] = {
+    "absolute": "absolute position",
+    "own_relative": "position relative to the platform's true one",
+}
+"""Frames that a receiver and a bound have in common, and what is in error there."""
+ALL, NONE, REMAINDER = "all", "what is left", "does not add up"
+"""Names of the rows that are no sources."""
+_NAMED = 4
+"""Sources that the sentence names at most."""
+_LEAST = 0.02
+"""Shares below this are not in the sentence."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Budget(Shown):
+    """Where the error of a receiver comes from.
+
+    Attributes
+    ----------
+    table
+        A row for each ``source`` and ``frame``, and of ``kind``: ``all`` (nothing switched),
+        ``source``, ``together`` (some sources), ``rest`` (all switched), ``remainder`` (what does
+        not add up). ``rms_m`` is the error without the source, ``share`` the part of the mean
+        square that goes with it, from ``share_low`` to ``share_high`` at 95 %; ``alone_rms_m`` is
+        the error with all others switched, ``alone_share`` what the source adds to the rest, as a
+        part of the whole mean square. ``bound_…`` are the same of the bound.
+    runs, dropped
+        Runs with each switch, and those that are left out because one of them failed.
+    seed
+        Of the first run.
+    better
+        Whether sources are replaced by better equipment, instead of switched off.
+    untold
+        Whether the receiver assumes what it does without any switch.
+    lost
+        Share of the runs, without any switch, at whose end the receiver is lost.
+    bound_runs, bound_kind, acceleration_psd
+        Runs over which the bound is averaged, ``bound`` or ``reference``, and its q [m²/s³].
+    fixed
+        Sources with errors that are the same in every run.
+    unchanged
+        Sources for which there is nothing better.
+    given
+        Keys of the receiver that the scenario says, so no switch changes them.
+    settings
+        The scenario.
+    """
+
+    scenario: str
+    receiver: str
+    table: pd.DataFrame
+    runs: int
+    dropped: int
+    seed: int
+    better: bool
+    untold: bool
+    lost: float
+    bound_runs: int
+    bound_kind: str
+    acceleration_psd: float | None
+    fixed: tuple[str, ...] = ()
+    unchanged: tuple[str, ...] = ()
+    given: tuple[str, ...] = ()
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+    def of(self, frame: str = "absolute") -> pd.DataFrame:
+        """The rows of a frame by source, the largest share first.
+
+        Raises
+        ------
+        ConfigurationError
+            The receiver has no error in this frame.
+        """
+        known = [*dict.fromkeys(self.table["frame"])]
+        if frame not in known:
+            raise ConfigurationError(
+                f"frame: must be {' or '.join(known)} for {self.receiver}, got {quoted(frame)}"
+                f"{nearest(frame, known)}"
+            )
+        rows = self.table[self.table["frame"] == frame].set_index("source")
+        order = {"all": 0, "source": 1, "together": 2, "rest": 3, "remainder": 4}
+        keys = rows.assign(order=rows["kind"].map(order), size=-rows["share"])
+        return rows.loc[keys.sort_values(["order", "size"], kind="stable").index]
+
+    def answer(self, frame: str = "absolute") -> str:
+        """Which error matters, in a sentence."""
+        rows = self.of(frame)
+        found = rows[rows["kind"] == "source"]
+        named = found[(found["share"] >= _LEAST) & (found["share_low"] > 0)].head(_NAMED)
+        whole = short_length(rows["rms_m"].to_dict()[ALL])
+        if named.empty:
+            return f"{self.receiver}, {whole} RMS: no error stands out of {self.runs} runs"
+        names = [
+            self.label(name) if self.better else SOURCES[name].words
+            for name in named.index.astype(str)
+        ]
+        shares = [whole_percent(share) for share in named["share"]]
+        others = [f"{name} {share}" for name, share in zip(names[1:], shares[1:], strict=True)]
+        first = f"{shares[0]} of the mean square is {names[0]}"
+        if self.better:
+            first = f"{names[0]} takes away {shares[0]} of the mean square"
+        rms = short_length(named["rms_m"].iloc[0])
+        parts = [f"{self.receiver}: {first}: {whole} → {rms} RMS"]
+        parts += [", ".join(others)] if others else []
+        left = float(rows["share"].to_dict()[NONE])
+        if left >= _LEAST:
+            done = "better" if self.better else "off"
+            parts.append(f"{whole_percent(left)} is left with all {done}")
+        added = float(named["share"].round(2).sum()) + (round(left, 2) if left >= _LEAST else 0)
+        if added > 1.005:
+            parts.append(
+                "shares add to more than 100 %, as what errors do only together counts for each"
+            )
+        return "; ".join(parts)
+
+    def label(self, source: str) -> str:
+        """A row's name, with what is better, or what all is switched."""
+        done = "better" if self.better else "off"
+        better = SOURCES[source].better if self.better and source in SOURCES else ""
+        return {ALL: "nothing", NONE: f"{NONE}, all {done}"}.get(
+            source, f"{source} → {better}" if better else source
+        )
+
+    def text(
+        self, frame: str = "absolute", *, verbose: bool = False, width: int | None = None
+    ) -> str:
+        """The sentence, the table, and what must be known to read it.
+
+        Parameters
+        ----------
+        frame
+            ``absolute``, or ``own_relative`` if the receiver has such an output.
+        verbose
+            Say how the numbers were made.
+        width
+            Columns of the terminal; None: lines are not wrapped.
+        """
+        notes = [*self._notes(frame), *(self._method() if verbose else ())]
+        about = "" if frame == "absolute" else f"Error of the {FRAMES[frame]}. "
+        lines = [f"{about}{self.answer(frame)}.", "", *self._rows(frame, width)]
+        lines += [""] if notes else []
+        fitted = [layout.fitted(line, width) for line in (lines[0], *notes)]
+        return "\n".join([fitted[0], *lines[1:], *fitted[1:]])
+
+    def _rows(self, frame: str, width: int | None) -> Iterator[str]:
+        done = "better" if self.better else "off"
+        interval = percent(CONFIDENCE, ".0f")
+        head = [done, "share", interval, f"RMS {done}", "alone", "RMS alone"]
+        bound = not np.isnan(self.of(frame)["bound_rms_m"]).all()
+        if bound:
+            head += [self.bound_kind, f"its RMS {done}"]
+        body = []
+        for name, row in self.of(frame).iterrows():
+            cells = [
+                self.label(str(name)),
+                whole_percent(row["share"]), _interval(row["share_low"], row["share_high"]),
+                short_length(row["rms_m"]),
+                whole_percent(row["alone_share"]), short_length(row["alone_rms_m"]),
+            ]
+            if bound:
+                cells += [whole_percent(row["bound_share"]), short_length(row["bound_rms_m"])]
+            body.append(cells)
+        return layout.table(body, width, head, range(1, len(head)))
+
+    def _notes(self, frame: str) -> Iterator[str]:
+        """What must be known to read the numbers."""
+        rows = self.of(frame)
+        worse = rows[(rows["kind"] == "source") & (rows["share_high"] < 0)]["share"]
+        if len(worse):
+            named = ", ".join(f"{name} ({_negative(share)})" for name, share in worse.items())
+            what = f"with better {named}" if self.better else f"without {named}"
+            hint = "" if self.untold else "; compare --untold"
+            yield (
+                f"the error grows {what}: some errors cancel, or the receiver believes its model "
+                f"too much then{hint}"
+            )
+        if self.untold:
+            yield "untold: the receiver assumes what it does with all errors"
+        elif self.given:
+            yield (
+                f"the receiver is not told of a switch by what the scenario gives it: "
+                f"{', '.join(self.given)}"
+            )
+        if self.fixed:
+            yield (
+                f"the same in every run, so this holds for their values and signs: "
+                f"{', '.join(self.fixed)}"
+            )
+        if self.unchanged:
+            yield f"nothing better is known for: {', '.join(self.unchanged)}"
+        if self.lost > 0:
+            yield f"lost in {self.lost:.1%} of the runs, which may make most of a mean square"
+            yield LOST
+        if self.dropped:
+            which = "1 seed is left out: one of its runs" if self.dropped == 1 else (
+                f"{self.dropped} seeds are left out: a run of theirs")
+            yield f"{which} failed or has no estimate"
+
+    def _method(self) -> Iterator[str]:
+        done = "made better" if self.better else "switched off"
+        yield (
+            f"{self.runs} runs with each switch, seeds from {self.seed} on, the same noise with "
+            f"all; share: of the mean square over all runs, what goes when this alone is {done}; "
+            f"alone: what it adds when all others are {done}"
+        )
+        yield (
+            f"{percent(CONFIDENCE, '.0f')} intervals by a studentised bootstrap of whole seeds; "
+            f"{REMAINDER}: the whole without the shares and what is left, as errors interact"
+        )
+        if self.bound_runs:
+            yield (
+                f"{self.bound_kind}: the Cramér-Rao recursion along {self.bound_runs} runs, q = "
+                f"{self.acceleration_psd:.2g} m²/s³ whatever is switched, of whoever is told"
+            )
+
+    def plot(
+        self, frame: str = "absolute", ax: Axes | None = None, theme: style.ThemeName = "light"
+    ) -> Picture:
+        """The shares as bars; see `sblcosim.comparison.budget.figures.plot_budget`."""
+        return Picture(figures.plot_budget(self, frame, ax, theme), ax)
+
+    def to_json(self) -> dict[str, Any]:
+        """Everything but the scenario as plain data."""
+        rows = self.table.to_dict(orient="records")
+        frames = dict.fromkeys(self.table["frame"])
+        plain: dict[str, Any] = artifacts.plain(
+            {
+                "scenario": self.scenario, "receiver": self.receiver,
+                "answers": {frame: self.answer(frame) for frame in frames},
+                "runs": self.runs, "dropped": self.dropped, "seed": self.seed,
+                "better": self.better, "untold": self.untold, "lost": self.lost,
+                "bound_runs": self.bound_runs, "bound_kind": self.bound_kind or None,
+                "acceleration_psd_m2_s3": self.acceleration_psd,
+                "fixed": self.fixed, "unchanged": self.unchanged, "given": self.given,
+                "rows": rows,
+            }
+        )
+        return plain
+
+    def save(
+        self,
+        directory: str | Path,
+        theme: style.ThemeName = "light",
+        *,
+        figures: bool = True,
+        other: artifacts.Other = "refuse",
+    ) -> Path:
+        """Write ``budget.csv``, a figure of each frame and a manifest; see `sblcosim.Result.save`.
+
+        Returns
+        -------
+        Path
+            Of the folder.
+        """
+        with artifacts.draft(directory, self.manifest(), other) as draft:
+            self.table.to_csv(draft.folder / "budget.csv", index=False)
+            for frame in dict.fromkeys(self.table["frame"]) if figures else ():
+                axes = self.plot(frame, theme=theme).axes[0]
+                style.save(axes, draft.folder, f"budget_{frame}")
+        return draft.saved
+
+    def manifest(self) -> dict[str, Any]:
+        """What the runs were; equal for equal budgets."""
+        told = self.to_json()
+        kept = ("receiver", "runs", "dropped", "seed", "better", "untold",
+                "acceleration_psd_m2_s3")
+        asked = list(dict.fromkeys(self.table["source"]))
+        return {
+            "budget": {key: told[key] for key in kept} | {"rows": asked},
+            "scenario": artifacts.plain(self.settings),
+        }
+
+    def _gist(self) -> str:
+        return f"of {self.scenario}: {self.answer()}"
+
+    def __str__(self) -> str:
+        return self.text()
+
+    def _repr_html_(self) -> str:
+        return page(f"Budget of {self.scenario}", f"<p>{escape(self.answer())}</p>",
+                    verbatim(self.text()))
+
+
+def _negative(share: float) -> str:
+    """A share below 0, however small."""
+    return whole_percent(share) if share < -0.005 else f"−{percent(-share, '.1g')}"
+
+
+def _interval(low: float, high: float) -> str:
+    if np.isnan(low):
+        return ""
+    return f"{whole_percent(low).removesuffix(' %')} to {whole_percent(high).removesuffix(' %')}"
+
+
+def bars(budget: Budget, frame: str) -> list[str]:
+    """The rows that a figure shows: all but the whole, from top to bottom."""
+    rows = budget.of(frame)
+    return [str(name) for name in rows.index[rows["kind"] != "all"]]

@@ -1,0 +1,1 @@
+"""What all comparisons share: statistics of paired runs."""

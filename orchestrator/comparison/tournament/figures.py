@@ -1,0 +1,219 @@
+"""The figure of a tournament: how the receivers did, and how sure the differences are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from textwrap import fill
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from ...results.figures.catalogue import Job
+from ...results.figures.drawing import short
+from ...results.responses import unit_of
+from ...style import SMALL, Theme, ThemeName, new_figure, use
+from ..common.evaluation import ALL, by_place
+from ..common.statistics import Floats
+from .sentences import in_place, rows_of, words_of
+
+if TYPE_CHECKING:
+    from .result import Tournament
+
+ROW, ABOVE = 0.27, 0.75
+"""Height of a receiver, and of what is above and below the receivers of a place [inch]."""
+REACH, FAR = 6.0, 1.5
+"""Differences of more than this many times their median, and of the best one's median, are drawn at
+the edge."""
+_CHARACTERS, _TICKS, _LEGEND = 18.0, 2.0, 2.3
+"""Of a label, and on an axis, per inch; inches of a column of the legend."""
+_MARKS = {
+    "worse": ("s", "worse than the best"), "undecided": ("o", "undecided"),
+    "equal": ("D", "equal for practical purposes"), "better": ("^", "better here"),
+}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """What is drawn of a place.
+
+    Attributes
+    ----------
+    receivers
+        The one with the least median first.
+    spread
+        5th, 25th, 75th and 95th percentile and median of each receiver's runs, shape (n, 5).
+    difference
+        Median, lower and upper end of each receiver minus the best one, shape (n − 1, 3).
+    verdicts
+        Of each but the best one.
+    """
+
+    place: str
+    receivers: tuple[str, ...]
+    spread: Floats
+    difference: Floats
+    verdicts: tuple[str, ...]
+
+
+def job(it: Tournament, name: str = "comparison", differences: bool = True) -> Job:
+    """The figure, ready to be drawn; without differences, of the runs alone."""
+    return Job(name, plot_tournament, shown(it, differences))
+
+
+def shown(
+    it: Tournament, differences: bool = True
+) -> tuple[list[Panel], str, str, float | None]:
+    """What the figure shows: panels, response and its unit, practical difference."""
+    runs = {name: it.table[it.table["scenario"] == name] for name in it.places if name != ALL}
+    values = by_place(runs, it.response)
+    panels = []
+    for place in sorted(it.places, key=lambda place: place != ALL):
+        names = in_place(it, place)
+        good = [values[place][name][np.isfinite(values[place][name])] for name in names]
+        spread = [
+            [*np.percentile(y, (5, 25, 75, 95, 50))] if len(y) else [np.nan] * 5 for y in good
+        ]
+        rows = [
+            row for row in rows_of(it, place, it.response) if differences and row.one == names[0]
+        ]
+        flipped = {"better": "worse", "worse": "better"}
+        panels.append(Panel(
+            place, tuple(names), np.array(spread).reshape(-1, 5),
+            np.array([[-row.median, -row.high, -row.low] for row in rows]).reshape(-1, 3),
+            tuple(flipped.get(row.verdict, row.verdict) for row in rows),
+        ))  # fmt: skip
+    return panels, words_of(it.response), unit_of(it.response), it.settings["practical"]
+
+
+def plot_tournament(
+    panels: Sequence[Panel],
+    response: str,
+    unit: str,
+    practical: float | None = None,
+    axes: Sequence[Axes] | None = None,
+    theme: ThemeName = "light",
+) -> Sequence[Axes]:
+    """Draw the runs of each receiver, and the differences from the best one.
+
+    On the left the middle half of the runs (thick), 5 to 95 % of them (thin) and their median; on
+    the right the median differences with intervals that hold all at once, and the practical
+    difference. A row of two panels for each place; with a single receiver, only the left ones.
+    """
+    both = any(len(panel.difference) for panel in panels)
+    with use(theme, axes) as look:
+        if axes is None:
+            heights = [ABOVE + ROW * len(panel.receivers) for panel in panels]
+            figure = new_figure(7.2, sum(heights) + 0.6)
+            grid = figure.subplots(
+                len(panels), 2 if both else 1, squeeze=False, height_ratios=heights, sharey="row"
+            )
+            axes = list(grid.flat)
+        sides = 2 if both else 1
+        if len(axes) != sides * len(panels):
+            raise ValueError(f"axes: must be {sides * len(panels)} axes, got {len(axes)}")
+        label = f"{response} [{unit}]" if unit else response
+        for i, panel in enumerate(panels):
+            _spread(axes[sides * i], panel, look, label)
+            if both:
+                _difference(axes[sides * i + 1], panel, look, unit, practical)
+        drawn = {verdict for panel in panels for verdict in panel.verdicts}
+        handles: list[Any] = [
+            Line2D([], [], marker="o", ls="", label="median of the runs", **_middle(look)),
+            Line2D([], [], color=look.receivers[1], lw=5, label="middle half of the runs"),
+            *(Line2D([], [], marker=_MARKS[word][0], label=_MARKS[word][1], ls="-",
+                   **_look(word, look))
+            for word in _MARKS if word in drawn),
+        ]  # fmt: skip
+        if both:
+            handles.append(Line2D([], [], marker="|", ls="", ms=11, color=look.ink,
+                                  label="like the best; right of it: worse"))
+        if both and practical is not None:
+            handles.append(Patch(color=look.grid, label="does not matter"))
+        whole = axes[0].figure
+        if list(axes) == whole.axes and whole.get_layout_engine() is not None:
+            columns = max(1, int(whole.bbox.width / whole.dpi / _LEGEND))
+            whole.legend(handles=handles, loc="outside upper center", ncols=columns)
+        else:
+            axes[-1].legend(handles=handles)
+    return axes
+
+
+def _middle(look: Theme) -> dict[str, Any]:
+    return {"ms": 5.0, "mew": 1.2, "mfc": look.paper, "mec": look.ink}
+
+
+def _look(verdict: str, look: Theme) -> dict[str, Any]:
+    colour = {
+        "worse": look.receivers[0], "equal": look.receivers[1], "better": look.receivers[2],
+    }.get(verdict, look.soft)  # fmt: skip
+    filled = verdict in ("worse", "better")
+    return {"color": colour, "mfc": colour if filled else look.paper, "ms": 5.5, "lw": 1.6}
+
+
+def _rows(ax: Axes, panel: Panel) -> None:
+    """A row for each receiver, the best one on top."""
+    count = len(panel.receivers)
+    ax.set_yticks(range(count), [short(name) for name in panel.receivers])
+    ax.set_ylim(count - 0.5, -0.5)
+    ax.tick_params(axis="y", length=0)
+    ax.grid(visible=False, axis="y")
+
+
+def _spread(ax: Axes, panel: Panel, look: Theme, label: str) -> None:
+    _rows(ax, panel)
+    for y, (low, first, third, high, median) in enumerate(panel.spread):
+        ax.plot([low, high], [y, y], color=look.ink, lw=0.9, solid_capstyle="butt")
+        ax.plot([first, third], [y, y], color=look.receivers[1], lw=5, solid_capstyle="butt")
+        ax.plot(median, y, "o", zorder=4, **_middle(look))
+    ends = panel.spread[np.isfinite(panel.spread) & (panel.spread > 0)]
+    if len(ends) and ends.max() > 50 * ends.min():
+        ax.set_xscale("log")
+    else:
+        ax.set_xlim(left=0.0)
+    ax.set_title(panel.place, loc="left", fontweight="bold")
+    _label(ax, f"{label}, 5 to 95 % of runs")
+
+
+def _difference(
+    ax: Axes, panel: Panel, look: Theme, unit: str, practical: float | None
+) -> None:
+    _rows(ax, panel)
+    ax.tick_params(axis="y", labelleft=False)
+    if practical is not None:
+        ax.axvspan(-practical, practical, color=look.grid, lw=0, zorder=0)
+    ax.axvline(0.0, color=look.ink, lw=1.0)
+    middles = np.abs(panel.difference[:, 0])
+    known = middles[np.isfinite(middles)]
+    best = abs(float(panel.spread[0, -1]))
+    edge = max(REACH * float(np.median(known)), FAR * best) if len(known) and best > 0 else np.inf
+    for y, ((median, low, high), verdict) in enumerate(
+        zip(panel.difference, panel.verdicts, strict=True), 1
+    ):
+        style = _look(verdict, look)
+        if not np.isnan(low):
+            ends = np.clip([low, high], -edge, edge)
+            ax.plot(ends, [y, y], color=style["color"], lw=style["lw"])
+        beyond = abs(median) > edge
+        mark = _MARKS[verdict][0] if not beyond else ">" if median > 0 else "<"
+        at = np.clip(median, -edge, edge)
+        ax.plot(at, y, ls="", marker=mark, color=style["color"], mfc=style["mfc"], ms=style["ms"],
+                zorder=4)
+        if beyond:
+            ax.annotate(f"{median:.3g}", (at, y), (0, 3), textcoords="offset points",
+                        fontsize=SMALL, ha="right" if median > 0 else "left", va="bottom")
+    ax.margins(x=0.06)
+    of = f" [{unit}]" if unit else ""
+    held = "" if np.isnan(panel.difference[:, 1:]).all() else ", 95 % all at once"
+    _label(ax, f"median difference from {short(panel.receivers[0])}{of}{held}")
+
+
+def _label(ax: Axes, text: str) -> None:
+    """Name the horizontal axis, in several lines if it is too narrow for one."""
+    inches = ax.get_position().width * ax.figure.bbox.width / ax.figure.dpi
+    ax.set_xlabel(fill(text, max(int(_CHARACTERS * inches), 12)), fontsize=SMALL)
+    if ax.get_xscale() == "linear":
+        ax.locator_params(axis="x", nbins=max(3, round(_TICKS * inches)))

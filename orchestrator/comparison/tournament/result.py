@@ -1,0 +1,161 @@
+"""How receivers did side by side on the same noise: in a sentence, tables, a figure, a folder."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+
+from ... import artifacts
+from ...lazy import Module
+from ...results.responses import unit_of
+from ...shown import Picture, Shown, page, verbatim
+from ..common.evaluation import ALL
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from ...style import ThemeName
+
+words = Module("sblcosim.comparison.tournament.sentences")
+figures = Module("sblcosim.comparison.tournament.figures")
+
+RESPONSE = "absolute_total_rms_m"
+"""What is compared by default."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Tournament(Shown):
+    """Who is better, where, by how much, and how sure that is. Made by `compare`.
+
+    Attributes
+    ----------
+    settings
+        What was asked: scenarios as they were run, receivers, ``runs``, ``seed``, ``settling_s``,
+        ``response``, ``practical``, ``contamination``.
+    receivers
+        Labels, the one with the least median first.
+    places
+        Names of the scenarios, and `ALL` if there are several.
+    table
+        One row per scenario and run: ``scenario``, and the columns of a study's table.
+    levels
+        One row per place, receiver and response: the fields of
+        `sblcosim.comparison.common.statistics.Level`, the number of ``lost`` runs and the 95 %
+        interval of their share (Clopper and Pearson's; of one scenario), what the runs say of the
+        covariance (`sblcosim.judge.consistency`), and ``rms_over_runs`` (see
+        `sblcosim.judge.over_runs`; NaN if the response is no RMS).
+    differences
+        One row per place, response and pair of receivers: the fields of
+        `sblcosim.comparison.common.statistics.Difference`, those of a response all at once.
+    update_s
+        Time of an update [s] by scenario and receiver, measured here and only roughly the same
+        the next time: in no file. None where it cannot be told.
+    """
+
+    settings: Mapping[str, Any]
+    receivers: tuple[str, ...]
+    places: tuple[str, ...]
+    table: pd.DataFrame
+    levels: pd.DataFrame
+    differences: pd.DataFrame
+    update_s: Mapping[str, Mapping[str, float | None]] = field(default_factory=dict)
+
+    @property
+    def response(self) -> str:
+        """Column that is compared."""
+        return str(self.settings["response"])
+
+    @property
+    def answer(self) -> str:
+        """Which receiver is best, in a sentence or two."""
+        return str(words.answer(self))
+
+    @property
+    def problems(self) -> list[str]:
+        """A line for each receiver that has failed in all runs of a scenario."""
+        mine = self.levels[self.levels["response"] == self.response]
+        silent = mine[(mine["failed"] == mine["runs"]) & (mine["scenario"] != ALL)]
+        return [
+            f"{row.receiver}: must give estimates in {row.scenario}, got none in {row.runs} runs"
+            for row in silent.itertuples()
+        ]
+
+    def level(self, place: str, receiver: str, response: str | None = None) -> Any:
+        """A row of `levels`; by default of the response that is compared."""
+        it = self.levels
+        mine = (it["scenario"] == place) & (it["receiver"] == receiver)
+        return it[mine & (it["response"] == (response or self.response))].iloc[0]
+
+    def plot(self, axes: Sequence[Axes] | None = None, theme: ThemeName = "light") -> Picture:
+        """Means and paired differences; see `figures.plot_tournament`."""
+        return Picture(figures.plot_tournament(*figures.shown(self), axes, theme), axes)
+
+    def text(self, *, verbose: bool = False, width: int | None = None) -> str:
+        """The answer, then the tables.
+
+        Parameters
+        ----------
+        verbose
+            With all percentiles and intervals, and what the numbers mean.
+        width
+            Columns to fit into; None: sentences are not wrapped.
+        """
+        return str(words.text(self, verbose, width))
+
+    def save(
+        self,
+        directory: str | Path,
+        *,
+        drawn: bool = True,
+        theme: ThemeName = "light",
+        other: artifacts.Other = "refuse",
+    ) -> Path:
+        """Write tables, figure and manifest into a folder; see `sblcosim.Result.save`.
+
+        Equal runs give equal files.
+        """
+        from ... import style
+
+        style.named(theme)
+        with artifacts.draft(directory, self.manifest(), other) as draft:
+            for name in ("table", "levels", "differences"):
+                file = "runs" if name == "table" else name
+                artifacts.write_table(getattr(self, name), draft.folder, file)
+            if drawn:
+                figures.job(self).save(draft.folder, theme)
+        return draft.saved
+
+    def manifest(self) -> dict[str, Any]:
+        """What was compared, as plain data."""
+        plain: dict[str, Any] = artifacts.plain({"comparison": self.settings})
+        return plain
+
+    def to_json(self) -> dict[str, Any]:
+        """Answer and tables as plain data; missing numbers are None."""
+        settings = {k: v for k, v in self.settings.items() if k not in ("scenarios", "receivers")}
+        plain: dict[str, Any] = artifacts.plain(
+            {
+                "answer": self.answer,
+                "scenarios": [place for place in self.places if place != ALL],
+                "receivers": self.receivers,
+                **settings,
+                "unit": unit_of(self.response),
+                "levels": self.levels.to_dict(orient="records"),
+                "differences": self.differences.to_dict(orient="records"),
+                "update_s": self.update_s,
+            }
+        )
+        return plain
+
+    def __str__(self) -> str:
+        return self.text()
+
+    def _gist(self) -> str:
+        return f"of {', '.join(self.receivers)}: {self.answer}"
+
+    def _repr_html_(self) -> str:
+        return page("Comparison", verbatim(str(self)))

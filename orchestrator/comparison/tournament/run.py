@@ -1,0 +1,245 @@
+"""A tournament: receivers side by side on the same noise, in one scenario or several.
+
+In each run of a scenario all receivers get the same samples; run k of every scenario has the k-th
+seed. What is compared is a response of a run, such as the RMS of its total error, in which less is
+better; runs in which a receiver is lost count like any other, and their share stands beside. Over
+all scenarios, the observation of a seed is the mean over the scenarios.
+
+>>> import sblcosim                                                       # doctest: +SKIP
+>>> print(sblcosim.compare(["harbour-square"], ["ekf", "coupled"]))  # doctest: +SKIP
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+from sblcosim.fmus.stopping import interruptible
+
+from ...errors import ConfigurationError, instance, nearest, quoted, shortened
+from ...judge.definitions import AXES, FRAMES
+from ...results.responses import ON_REQUEST, RESPONSES
+from ...results.user_responses import of_file, of_function
+from ...scenario.files import naming_files
+from ...scenario.overrides import pairs
+from ...scenario.scenario import Receivers, Scenario
+from ...scenario.scenario import load as load_scenario
+from ...scenario.sources import known_source
+from ...simulation.children.process import patience
+from ...simulation.how import How
+from ...study import runner
+from ...study.kept import Kept
+from ...study.study import Study
+from ...study.study import load as load_study
+from ..common.evaluation import ALL, PERCENTILE, by_place, differences, levels, ranked
+from ..common.statistics import CONTAMINATION
+from . import alike, cost
+from .result import RESPONSE, Tournament
+
+if TYPE_CHECKING:
+    from ...scenario.overrides import Changes
+
+RUNS = 200
+"""Default number of runs."""
+AnyScenario = str | Path | Scenario | Mapping[str, Any]
+_SIGNED = {f"{frame}_{axis}_mean_m" for frame in FRAMES for axis in AXES}
+_RATES = ("lost", "broken", "inconsistent")
+
+
+@interruptible
+@naming_files
+def compare(
+    scenarios: AnyScenario | Sequence[AnyScenario],
+    receivers: Receivers = (),
+    *,
+    runs: int = RUNS,
+    response: str | Callable[..., Any] = RESPONSE,
+    settling_s: float = 0.0,
+    practical: float | None = None,
+    overrides: Changes = (),
+    seed: int | None = None,
+    contamination: float = CONTAMINATION,
+    workers: int | None = None,
+    master: str | None = None,
+    step_timeout: float | None = None,
+    timed: bool = True,
+    progress: Callable[[float, str], None] | None = None,
+    keep: Kept | None = None,
+) -> Tournament:
+    """Let receivers run on the same noise, and say which is better.
+
+    Parameters
+    ----------
+    scenarios
+        Names, files, tables or objects, as for `sblcosim.run`.
+    receivers
+        As for `sblcosim.run`, without labels; none: that of each scenario.
+    runs
+        Number of seeds, at least 2.
+    response
+        What is compared, less is better: one of `sblcosim.results.responses.RESPONSES`, a function
+        of a `sblcosim.results.responses.Run`, or ``"file.py:function"``.
+    settling_s
+        Errors count from this time after the start [s].
+    practical
+        Median differences below it do not matter [unit of the response]; None: nothing is called
+        equal.
+    overrides
+        Keys to change in all scenarios.
+    seed
+        Seed of the first run; the others follow. None: 1.
+    contamination
+        Share of bad runs that a mean is to hold against.
+    workers, master, step_timeout
+        As for `sblcosim.study.runner.run`.
+    timed
+        Measure the time of an update, too.
+    progress
+        Called with the completed share, 0 to 1, and what is being done.
+    keep
+        Where finished runs are kept, which are not done again; None: nothing is written.
+
+    Raises
+    ------
+    ConfigurationError
+        A scenario, receiver or argument is invalid.
+    """
+    check(runs, practical, contamination)
+    several = (scenarios,) if isinstance(scenarios, str | Path | Scenario | Mapping) else scenarios
+    name, asked = response_of(response)
+    keys = _keys(overrides)
+    first = keys.pop("seed", None) if seed is None else seed
+    keys.pop("seed", None)
+    about = {
+        "replicates": runs, "settling_time_s": settling_s, "seed": 1 if first is None else first,
+        "responses": [PERCENTILE, *(() if asked in (None, PERCENTILE) else (asked,))],
+    }  # fmt: skip
+    with patience(step_timeout):
+        studies = [study_of(scenario, receivers, keys, about) for scenario in several]
+    if not studies:
+        raise ConfigurationError("scenarios: must be at least one, got none")
+    names = [study.base.name for study in studies]
+    for it in names:
+        if names.count(it) > 1:
+            raise ConfigurationError(f"scenarios: must have different names, got {it!r} twice")
+        if it == ALL:
+            raise ConfigurationError(f"scenarios: must not be named {ALL!r}, which is for the mean")
+    if len(studies) > 1:
+        alike.check_scenarios({
+            study.base.name: study_of(alike.in_effect(study), study.receivers, {}, about)
+            for study in studies
+        })  # fmt: skip
+    tables = []
+    for i, study in enumerate(studies):
+        def told(share: float, i: int = i) -> None:
+            if progress is not None:
+                progress((i + share) / len(studies), f"simulating {names[i]}")
+
+        how = How(master, step_timeout, workers, progress=told)
+        tables.append(runner.simulated(study, how, keep))
+    settings = {
+        "scenarios": [study.base.given() for study in studies],
+        "receivers": [alike.origin(known_source(it)) for it in studies[0].receivers],
+        "runs": runs, "seed": about["seed"], "settling_s": settling_s, "response": name,
+        "practical": practical, "contamination": contamination,
+    }  # fmt: skip
+    told_s = {study.base.name: cost.update_seconds(study) for study in studies} if timed else {}
+    return evaluate(dict(zip(names, tables, strict=True)), settings, told_s)
+
+
+def check(runs: int, practical: float | None, contamination: float) -> None:
+    """Refuse numbers that allow no verdict."""
+    if isinstance(runs, bool) or not isinstance(runs, int) or runs < 2:
+        raise ConfigurationError(f"runs: must be a whole number of at least 2, got {runs!r}")
+    if practical is not None and not 0 < practical < float("inf"):
+        raise ConfigurationError(f"practical: must be more than 0 and finite, got {practical!r}")
+    if not 0 < contamination < 1:
+        raise ConfigurationError(
+            f"contamination: must be a share between 0 and 1, got {contamination!r}"
+        )
+
+
+def response_of(response: str | Callable[..., Any]) -> tuple[str, Any]:
+    """Column of a response, and what a study must be asked for; None: it is always there."""
+    if not isinstance(response, str):
+        if not callable(response):
+            raise ConfigurationError(
+                f"response: must be a name or a function, got {shortened(instance(response))}"
+            )
+        found = of_function(response)
+        return found.name, found
+    if ":" in response:
+        found = of_file(response, Path.cwd())
+        return found.name, found
+    if response not in RESPONSES:
+        raise ConfigurationError(
+            f"response: must be the name of a response or FILE.py:FUNCTION, got {quoted(response)}"
+            f"{nearest(response, RESPONSES)}"
+        )
+    if response not in lesser():
+        raise ConfigurationError(
+            f"response: must be one of which less is better, such as {RESPONSE}, got {response!r}"
+        )
+    return response, response if response in ON_REQUEST else None
+
+
+def lesser() -> dict[str, str]:
+    """The responses that are better if smaller, each in words."""
+    return {
+        name: it.words for name, it in RESPONSES.items()
+        if name not in _SIGNED and (it.unit or name in _RATES)
+    }  # fmt: skip
+
+
+def study_of(
+    scenario: Any, receivers: Any, fixed: Mapping[str, Any], about: Mapping[str, Any]
+) -> Study:
+    """Runs of a scenario as it is, as a study without factors."""
+    if isinstance(receivers, Mapping):
+        raise ConfigurationError("receivers: must be a sequence of receivers, got a mapping")
+    settled = load_scenario(scenario, fixed.items())
+    receivers = () if receivers is None else receivers
+    one = isinstance(receivers, str | Path) or callable(receivers)
+    tables = {
+        **about, "name": settled.name, "scenario": settled.given(), "design": {"kind": "single"},
+    }  # fmt: skip
+    study = load_study(tables, receivers=[receivers] if one else list(receivers))
+    alike.check_receivers(study)
+    return study
+
+
+def _keys(overrides: Any) -> dict[str, Any]:
+    return {".".join(path): value for path, value in pairs(overrides)}
+
+
+def evaluate(
+    runs: Mapping[str, pd.DataFrame],
+    settings: Mapping[str, Any],
+    update_s: Mapping[str, Mapping[str, float | None]] | None = None,
+) -> Tournament:
+    """Compare runs that are there.
+
+    Parameters
+    ----------
+    runs
+        By scenario, as `sblcosim.study.runner.simulated` returns them: of the same seeds.
+    settings
+        As in `Tournament`: ``response``, ``practical`` and ``contamination`` are used.
+    """
+    responses = tuple(dict.fromkeys((settings["response"], PERCENTILE)))
+    values = {response: by_place(runs, response) for response in responses}
+    order = tuple(ranked(values[responses[0]]))
+    places = tuple(values[responses[0]])
+    return Tournament(
+        settings,
+        order,
+        places,
+        pd.concat([t.assign(scenario=name) for name, t in runs.items()], ignore_index=True).pipe(
+            lambda t: t[["scenario", *(c for c in t.columns if c != "scenario")]]
+        ),
+        pd.DataFrame(levels(runs, values, order, settings)),
+        differences(values, order, settings),
+        update_s or {},
+    )

@@ -1,0 +1,427 @@
+"""A tournament in words: who is better, the tables, and what the numbers mean."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from math import isfinite, isnan
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+
+from ...judge.consistency import COVARIANCES
+from ...judge.definitions import LOST
+from ...judge.over_runs import SUFFIX
+from ...layout import fitted, table
+from ...results.responses import RESPONSES, readable, unit_of
+from ...words.lists import listed
+from ...words.numbers import interval, measured, rounded
+from ...words.shares import percent, percent_at_least, percent_at_most
+from ..common.evaluation import ALL, PERCENTILE
+from ..common.statistics import ALPHA, SHARE, least_runs
+
+if TYPE_CHECKING:
+    from .result import Tournament
+
+_NAMED = 4
+"""More receivers or scenarios than that are counted, not listed."""
+WITHIN = (
+    "95 % in a run, or of the time: an order statistic, of a run's n errors the one of rank "
+    "0.95 n, rounded up; the mean over the runs. 95 % of runs: an upper bound of what 95 % of the "
+    "runs are below, by order statistics."
+)
+"""What the columns of percentages are, for people."""
+_NOTES = (
+    "All receivers of a scenario had the same noise, seed by seed; a seed is one observation. An "
+    "RMS over runs is the root of the mean of their mean squares, lost runs included; over all "
+    "scenarios it is the mean of theirs. Differences are between the values of single runs; over "
+    "all scenarios, between a seed's means over them.",
+    "A difference is of the first receiver less the second: below 0 the first one is better. The "
+    "sign test, which assumes nothing, says who is better. An interval of the mean stands only "
+    "where there are enough runs, none has failed, and no few of them make it.",
+    WITHIN,
+    f"{LOST} Update: time of an update, of our receivers in their engine for one simulation; only "
+    "roughly so.",
+)
+
+
+def words_of(response: str) -> str:
+    """A response for sentences."""
+    return RESPONSES[response].words if response in RESPONSES else readable(response)
+
+
+def _some(names: Sequence[str]) -> str:
+    """Names for a sentence; those of a long list are counted."""
+    return listed(names, most=_NAMED, shown=_NAMED - 1)
+
+
+def in_place(it: Tournament, place: str) -> list[str]:
+    """The receivers that were in a place, the one with the least median first."""
+    there = set(it.levels.loc[it.levels["scenario"] == place, "receiver"])
+    return [receiver for receiver in it.receivers if receiver in there]
+
+
+def rows_of(it: Tournament, place: str, response: str) -> list[Any]:
+    """The differences of a place."""
+    mine = (it.differences["scenario"] == place) & (it.differences["response"] == response)
+    return list(it.differences[mine].itertuples(index=False))
+
+
+# --- The answer ----------------------------------------------------------------------------------
+
+
+def answer(it: Tournament) -> str:
+    """Which receiver is best, and where it is not."""
+    place = it.places[-1]
+    names = in_place(it, place)
+    if len(names) < 2:
+        return (_reached(it, place, names) if names else
+                "No receiver was in all scenarios, so none is best over all.")  # fmt: skip
+    return " ".join([
+        *_best(it, place, names[0]), _reached(it, place, names), *_exceptions(it)
+    ])  # fmt: skip
+
+
+def _reached(it: Tournament, place: str, names: Sequence[str]) -> str:
+    """What the receivers have, over all runs."""
+    unit = unit_of(it.response)
+    values = ", ".join(f"{name} {measured(reached(it.level(place, name)), unit)}" for name in names)
+    runs = it.level(place, names[0])["runs"]
+    where = f", mean of {len(it.places) - 1} scenarios" if place == ALL else f" in {place}"
+    over = " over" if it.response.endswith(SUFFIX) else ", mean of"
+    what = words_of(it.response)
+    return f"{what[0].upper()}{what[1:]}{over} {runs} runs{where}: {values}."
+
+
+def reached(row: Any) -> float:
+    """What a receiver has over all runs: of an RMS that over the runs, else the mean."""
+    return float(row["mean"] if isnan(row["rms_over_runs"]) else row["rms_over_runs"])
+
+
+def _best(it: Tournament, place: str, best: str) -> Iterator[str]:
+    """Sentences on the best receiver and the others; first those that assume nothing.
+
+    Who is surely better than the one with the least median comes before it.
+    """
+    rows = [row for row in rows_of(it, place, it.response) if row.one == best]
+    better, equal, open_, worse = (
+        [row for row in rows if row.verdict == word]
+        for word in ("better", "equal", "undecided", "worse")
+    )
+    for row in map(_turned, worse):
+        yield f"{row.one} is better than {best}."
+        yield _sure(it, row, "")
+        yield from _though(it, place, row.one, [best])
+    if better:
+        names = [row.other for row in better]
+        yield f"{best} is better than {_all_or(names, rows)}."
+        closest = min(better, key=lambda row: row.share_low)
+        yield _sure(it, closest, f"than {closest.other}, the closest, " if len(better) > 1 else "")
+        yield from _though(it, place, best, names)
+    if equal:
+        within = measured(float(it.settings["practical"]), unit_of(it.response))
+        names = [row.other for row in equal]
+        yield f"{best} and {_some(names)} are equal within {within} in the median."
+    if open_:
+        needed = [row.runs_needed for row in open_]
+        about = (
+            f"; about {max(needed):,} runs would decide{' all of it' if len(open_) > 1 else ''}"
+            if all(map(pd.notna, needed)) else ""
+        )
+        yield (
+            f"Whether {best} is better than {_some([row.other for row in open_])} is undecided "
+            f"after {open_[0].runs} runs{about}."
+        )
+
+
+def _turned(row: Any) -> Any:
+    """The difference of the second receiver less the first, which is worse."""
+    return row._replace(
+        one=row.other, other=row.one, wins=row.losses, losses=row.wins, verdict="better",
+        median=-row.median, low=-row.high, high=-row.low,
+        mean=-row.mean, mean_low=-row.mean_high, mean_high=-row.mean_low,
+    )  # fmt: skip
+
+
+def _all_or(names: Sequence[str], rows: Sequence[Any]) -> str:
+    return "all others" if len(names) == len(rows) > 1 else _some(names)
+
+
+def _sure(it: Tournament, row: Any, whom: str) -> str:
+    """The share of dives in which it is better, then the median and the mean."""
+    unit = unit_of(it.response)
+    several = (it.differences["response"] == it.response).sum() > 1
+    level, at_once = 100 * (1 - ALPHA), ", all pairs at once" if several else ""
+    alike = f" (worse in {row.losses})" if row.runs > row.wins + row.losses else ""
+    text = (
+        f"It is better {whom}in {row.wins} of {row.runs} runs{alike}: in at least "
+        f"{percent_at_least(row.share_low)} of dives ({level:.0f} % confidence{at_once})"
+    )
+    if isfinite(row.median):
+        within = "" if isnan(row.low) or row.low == row.high == 0 else (
+            f" ({interval(-row.high, -row.low, unit=unit)})")
+        less = f"{measured(-row.median, unit)} less" if row.median else "no difference"
+        text += f"; {less} in the median{within}"
+    if isfinite(row.mean_low):
+        text += (
+            f", but {measured(row.mean, unit)} more on average "
+            f"({interval(row.mean_low, row.mean_high, unit=unit)})" if row.mean > 0 else
+            f", {measured(-row.mean, unit)} {'on' if row.median else 'less on'} average "
+            f"({interval(-row.mean_high, -row.mean_low, unit=unit)})"
+        )
+    return f"{text}."
+
+
+def _dives(row: Any) -> str:
+    """Bound of the share of dives in which the first one is better."""
+    if isnan(row.share_low):
+        return "–"
+    return f"≥ {percent_at_least(row.share_low)}" if row.wins > row.losses else (
+        f"≤ {percent_at_most(1 - row.share_low)}")
+
+
+def _though(it: Tournament, place: str, best: str, others: Sequence[str]) -> Iterator[str]:
+    """What a share of dives does not show: that the better one is lost, or fails, more often."""
+    mine = it.level(place, best)
+    scenarios = len(it.places) - 1 if place == ALL else 1
+    for what, said, runs in (("lost", "it was lost", scenarios * mine["runs"]),
+                             ("failed", "it failed", mine["runs"])):  # fmt: skip
+        if mine[what] > min(it.level(place, name)[what] for name in others):
+            yield f"But {said} in {mine[what]} of {runs} runs."
+
+
+def _exceptions(it: Tournament) -> Iterator[str]:
+    """Where a receiver is surely better than one that has a lesser median over all."""
+    for place in it.places:
+        found = [
+            row for row in rows_of(it, place, it.response)
+            if row.verdict == "worse" and (len(it.places) > 1 or row.one != it.receivers[0])
+        ]  # fmt: skip
+        if found and place != ALL:
+            pairs = [f"{row.other} is better than {row.one}" for row in found]
+            yield f"In {place}, {_some(pairs)}."
+
+
+# --- What stands beside --------------------------------------------------------------------------
+
+
+def notes(it: Tournament) -> Iterator[str]:
+    """What must be known beside the answer: lost and failed runs, tails, too few runs."""
+    for place in (place for place in it.places if place != ALL):
+        for receiver in in_place(it, place):
+            yield from beside(it, place, receiver)
+        for row in rows_of(it, place, it.response):
+            pair = (row.one, row.other) if row.verdict == "better" else (row.other, row.one)
+            sign = {"better": 1, "worse": -1}.get(row.verdict, 0)
+            if sign * row.mean > 0:
+                yield (
+                    f"{place}: {pair[0]} is better than {pair[1]} in most runs, but its mean over "
+                    f"the runs is {measured(abs(row.mean), unit_of(it.response))} more"
+                )
+    yield from _too_few(it)
+    yield from unbounded(it)
+
+
+def beside(it: Tournament, place: str, receiver: str) -> Iterator[str]:
+    """What must be known beside the RMS or the mean of a receiver."""
+    row = it.level(place, receiver)
+    if row["failed"]:
+        yield (
+            f"{place}: {receiver} failed in {row['failed']} of {row['runs']} runs, which "
+            f"count as worse than any other{_example(it, place, receiver)}"
+        )
+    if row["lost"]:
+        within = interval(100 * row["lost_low"], 100 * row["lost_high"], unit="%")
+        yield (
+            f"{place}: {receiver} was lost in {row['lost']} of {row['runs']} runs, {within} of "
+            "all with 95 % confidence"
+        )
+    if row["heavy_tailed"]:
+        yield _tail(place, receiver, row, unit_of(it.response))
+
+
+def _example(it: Tournament, place: str, receiver: str) -> str:
+    """A run in which a receiver has failed, with its own message if that was kept."""
+    mine = it.table[(it.table["scenario"] == place) & it.table[f"{receiver}.{it.response}"].isna()]
+    own = mine[mine["error"].astype(str).str.contains(rf"\b{re.escape(receiver)}\b")]
+    first = (own if len(own) else mine).iloc[0]
+    return f", e.g. with seed {first['seed']}" + (f": {first['error']}" if len(own) else "")
+
+
+def _tail(place: str, receiver: str, row: Any, unit: str) -> str:
+    median, mean = measured(row["median"], unit), measured(row["mean"], unit)
+    return (
+        f"{place}: {receiver} is heavy-tailed: the worst {row['tail_runs']} of {row['runs']} runs "
+        f"make {percent(row['tail'], '.0f')} of the spread about the median, {median}; the mean is "
+        f"{mean}"
+    )
+
+
+def _too_few(it: Tournament) -> Iterator[str]:
+    runs = int(it.settings["runs"])
+    if len(it.differences):
+        least = int(it.differences["least"].max())
+        if runs < least:
+            yield f"no verdict from {runs} runs: {least} are needed, {least - runs} more"
+        least = int(it.differences["mean_least"].max())
+        if runs < least:
+            yield (
+                f"no interval of a mean difference from {runs} runs: {least} are needed, "
+                f"{least - runs} more"
+            )
+
+
+def unbounded(it: Tournament) -> Iterator[str]:
+    """Bounds that each receiver has too few runs for."""
+    runs = int(it.settings["runs"])
+    share = it.settings["contamination"]
+    least = least_runs(share, ALPHA / 2)
+    if runs < least:
+        yield f"no interval of a mean from {runs} runs: {least} are needed, {least - runs} more"
+    least = least_runs(1 - SHARE, ALPHA)
+    if runs < least:
+        yield (
+            f"no bound for {percent(SHARE)} of the runs from {runs}: {least} are needed, "
+            f"{least - runs} more"
+        )
+
+
+# --- Tables --------------------------------------------------------------------------------------
+
+
+def text(it: Tournament, verbose: bool = False, width: int | None = None) -> str:
+    """The answer, what stands beside it, and a table for each place."""
+    lines = [it.answer, *notes(it)]
+    for place in sorted(it.places, key=lambda place: place != ALL):
+        lines += ["", f"{place}: {it.settings['runs']} runs"]
+        lines += levels(it, place, width)
+        if verbose:
+            lines += ["", *spreads(it, place, width)]
+            lines += [
+                f"  {name}: {COVARIANCES[_frame(it)]} "
+                f"{it.level(place, name)['covariance_words']}"
+                for name in in_place(it, place) if it.level(place, name)["nees_runs"]
+            ]  # fmt: skip
+        responses = dict.fromkeys((it.response, PERCENTILE)) if verbose else (it.response,)
+        for response in responses:
+            rows = [*_differences(it, place, response)]
+            if rows:
+                unit = unit_of(response)
+                head = (f"difference of {words_of(response)}" + (f" [{unit}]" if unit else ""),
+                        "better in", "of dives", "median", "95 %, all at once", "mean",
+                        "95 %, all at once", "the first is")  # fmt: skip
+                lines += ["", *_table(rows, width, head, range(1, 7), (2, 4, 6))]
+    lost = it.levels["lost"].any()
+    lines += ["", *(_NOTES if verbose else (WITHIN, LOST) if lost else (WITHIN,))]
+    return fitted("\n".join(lines), width)
+
+
+def _frame(it: Tournament) -> str:
+    return "own_relative" if it.response.startswith("own_relative") else "absolute"
+
+
+def _heads(it: Tournament) -> tuple[str, ...]:
+    unit = f" [{unit_of(it.response)}]" if unit_of(it.response) else ""
+    update = ("update",) if it.update_s else ()
+    return ("", _first(it), "95 % in a run [m]", f"95 % of runs{unit}", "lost", "covariance",
+            *update)  # fmt: skip
+
+
+def _first(it: Tournament) -> str:
+    """What the receivers have, for the head of a column."""
+    unit = f" [{unit_of(it.response)}]" if unit_of(it.response) else ""
+    return f"{words_of(it.response).removesuffix(' total error')}{unit}"
+
+
+def levels(it: Tournament, place: str, width: int | None) -> Iterator[str]:
+    """The lines of the table of receivers."""
+    return _table([*_levels(it, place)], width, _heads(it), range(1, 5), (3,))
+
+
+def spreads(it: Tournament, place: str, width: int | None) -> Iterator[str]:
+    """The lines of the table of the spread between the runs."""
+    head = (f"{_first(it)} of each run", *_SPREADS)
+    return _table([*_spreads(it, place)], width, head, range(1, 7), (5, 6))
+
+
+def _table(
+    rows: Sequence[Sequence[str]],
+    width: int | None,
+    head: Sequence[str],
+    right: Sequence[int],
+    optional: Sequence[int],
+) -> Iterator[str]:
+    """A table without optional columns that are empty."""
+    kept = [i for i in range(len(head)) if i not in optional or any(row[i] != "–" for row in rows)]
+    return table(
+        [[row[i] for i in kept] for row in rows], width, [head[i] for i in kept],
+        [n for n, i in enumerate(kept) if i in right],
+    )  # fmt: skip
+
+
+def _levels(it: Tournament, place: str) -> Iterator[tuple[str, ...]]:
+    for receiver in in_place(it, place):
+        row, beside = it.level(place, receiver), it.level(place, receiver, PERCENTILE)
+        upper = row["within_upper"]
+        whole = row["runs"] * (len(it.places) - 1 if place == ALL else 1)
+        yield (
+            receiver,
+            rounded(reached(row)),
+            rounded(beside["mean"]),
+            f"≤ {rounded(upper)}" if isfinite(upper) else "–",
+            measured(100 * row["lost"] / whole, "%", 2),
+            _covariance(row),
+            *((_update(it, place, receiver),) if it.update_s else ()),
+        )
+
+
+def _covariance(row: Any) -> str:
+    if not row["nees_runs"]:
+        return "none"
+    if row["covariance"] in ("optimistic", "pessimistic"):
+        factor = row["covariance_factor"]
+        return f"{row['covariance']} ×{max(factor, 1 / factor):.3g}"
+    return str(row["covariance"])
+
+
+_TIMES = ((1.0, "s"), (1e3, "ms"), (1e6, "µs"), (1e9, "ns"))
+
+
+def _update(it: Tournament, place: str, receiver: str) -> str:
+    told = [
+        mine.get(receiver) for name, mine in it.update_s.items() if place in (name, ALL)
+    ]
+    known = [seconds for seconds in told if seconds is not None]
+    if not known or len(known) < len(told):
+        return "–"
+    mean = sum(known) / len(known)
+    factor, unit = next((f, u) for f, u in _TIMES if mean * f >= 1 or u == "ns")
+    return f"~ {rounded(mean * factor, 2)} {unit}"
+
+
+_SPREADS = ("std", "least", "median", "most", "mean, 95 % interval", "lost, 95 % interval")
+
+
+def _spreads(it: Tournament, place: str) -> Iterator[tuple[str, ...]]:
+    for receiver in in_place(it, place):
+        row = it.level(place, receiver)
+        yield (
+            receiver,
+            *(rounded(row[name]) for name in ("std", "least", "median", "most")),
+            interval(row["low"], row["high"]),
+            interval(100 * row["lost_low"], 100 * row["lost_high"], unit="%"),
+        )
+
+
+def _differences(it: Tournament, place: str, response: str) -> Iterator[tuple[str, ...]]:
+    for row in rows_of(it, place, response):
+        said = row.verdict
+        # What any verdict takes is said once, for all pairs.
+        own = pd.notna(row.runs_needed) and (row.runs >= row.least or row.runs_needed > row.least)
+        if said == "undecided" and own:
+            said += f"; about {row.runs_needed:,} runs would decide"
+        yield (
+            f"{row.one} − {row.other}", f"{row.wins} of {row.runs}", _dives(row),
+            rounded(row.median), interval(row.low, row.high),
+            rounded(row.mean), interval(row.mean_low, row.mean_high), said,
+        )  # fmt: skip

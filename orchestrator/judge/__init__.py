@@ -1,0 +1,1 @@
+"""Judging estimates: errors and consistency, with a truth and without."""

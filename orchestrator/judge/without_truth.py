@@ -1,0 +1,121 @@
+"""What can be said of estimates without the truth: whether they agree with samples, or each other.
+
+Small residuals are necessary for good estimates, and not sufficient: an error that all ranges
+share, as that of a clock, leaves none where it moves the estimate instead.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import combinations
+
+import numpy as np
+import pandas as pd
+
+from ..data.estimates import Estimates, Flags, Floats, Integers
+from ..data.samples import Samples
+from .columns import ERRORS
+from .definitions import horizontal_square, square_of
+from .metrics import of_chi_square
+
+
+def residuals(estimates: Estimates, samples: Samples, body: Floats | None = None) -> pd.DataFrame:
+    """Ranges and depths, less those of the estimates at the same times.
+
+    Between two estimates the diver goes straight on; samples before the first and after the last
+    estimate do not count.
+
+    Parameters
+    ----------
+    body
+        Nominal positions of the beacons, body frame [m], shape (beacons, 3), for packets that tell
+        the pose of the platform and not where their own beacon is.
+
+    Returns
+    -------
+    table
+        Index: ``beacon 1`` … of those heard, and ``depth``. Columns: those of the table of errors
+        (`sblcosim.judge.columns.ERRORS`), and ``median_m``, which outliers hardly move.
+
+    Raises
+    ------
+    ConfigurationError
+        There are packets with a pose, and no ``body``.
+    """
+    beacon = samples.beacon_position(body)
+    heard, at = _between(estimates, samples.range_ns)
+    ranges = samples.range[heard] - np.sqrt(square_of(at - beacon[heard]))
+    deep, depths = _between(estimates, samples.depth_ns)
+    rows = {
+        f"beacon {b + 1}": ranges[samples.beacon[heard] == b] for b in sorted({*samples.beacon})
+    }
+    rows["depth"] = samples.depth[deep] - depths[:, 2]
+    table = pd.DataFrame.from_dict({n: _row(v) for n, v in rows.items()}, orient="index")
+    table.index.name = "sample"
+    return table
+
+
+def agreement(estimates: Mapping[str, Estimates]) -> pd.DataFrame:
+    """How far receivers are from each other, at the epochs of the first of each pair.
+
+    Returns
+    -------
+    table
+        Index: both receivers. Columns: ``horizontal_rms_m``, ``total_rms_m``, ``max_m`` and ``n``;
+        NaN for receivers that were never there at the same time.
+    """
+    rows = {}
+    for (one, first), (other, second) in combinations(estimates.items(), 2):
+        here, at = _between(second, first.epoch_ns)
+        off = first.position[here] - at
+        square, n = square_of(off), len(off)
+        level = horizontal_square(off[:, 0], off[:, 1])
+        rows[one, other] = {
+            "horizontal_rms_m": np.sqrt(level.mean()) if n else np.nan,
+            "total_rms_m": np.sqrt(square.mean()) if n else np.nan,
+            "max_m": np.sqrt(square.max()) if n else np.nan,
+            "n": n,
+        }
+    columns = ["horizontal_rms_m", "total_rms_m", "max_m", "n"]
+    table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
+    table.index = pd.MultiIndex.from_tuples(rows, names=["receiver", "other"])
+    return table
+
+
+def innovations(estimates: Mapping[str, Estimates]) -> pd.DataFrame:
+    """Mean NIS of receivers that have one, with its 95 % band and verdict.
+
+    Returns
+    -------
+    table
+        Index: receiver. Columns: ``nis``, ``nis_expected`` (mean degrees of freedom), ``nis_low``,
+        ``nis_high``, ``nis_verdict`` and ``n``, as in `sblcosim.judge.metrics.summary`.
+    """
+    rows = {}
+    for name, own in estimates.items():
+        if own.nis is None or own.nis_degrees is None:
+            continue
+        used = ~np.isnan(own.nis) & (own.nis_degrees > 0)
+        if used.any():
+            row = of_chi_square("nis", own.nis[used], own.nis_degrees[used])
+            rows[name] = {**row, "n": int(used.sum())}
+    columns = ["nis", "nis_expected", "nis_low", "nis_high", "nis_verdict", "n"]
+    table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
+    table.index.name = "receiver"
+    return table
+
+
+def _between(estimates: Estimates, epoch_ns: Integers) -> tuple[Flags, Floats]:
+    """Which epochs lie between estimates, and the positions there [m], (m, 3)."""
+    order = np.argsort(estimates.epoch_ns, kind="stable")
+    own, position = estimates.epoch_ns[order], estimates.position[order]
+    if not len(own):
+        return np.zeros(len(epoch_ns), bool), np.zeros((0, 3))
+    here = (own[0] <= epoch_ns) & (epoch_ns <= own[-1])
+    since = epoch_ns[here] - own[0]
+    return here, np.column_stack([np.interp(since, own - own[0], x) for x in position.T])
+
+
+def _row(values: Floats) -> dict[str, float]:
+    median = float(np.median(values)) if len(values) else np.nan
+    return {**ERRORS.row(values), "median_m": median}

@@ -1,0 +1,329 @@
+"""What the figures of a run share: lines of receivers, limits, titles, legends and margins.
+
+Our own figures have margins in inches: all that lies outside of the axes is known beforehand, and
+a layout that measures every label twice takes as long as drawing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import product
+from math import ceil
+from textwrap import fill
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.artist import allow_rasterization
+from matplotlib.axes import Axes
+from matplotlib.colors import to_rgba
+from matplotlib.figure import Figure
+from matplotlib.legend_handler import HandlerBase, HandlerLine2D
+from matplotlib.lines import Line2D
+from matplotlib.path import Path
+from matplotlib.transforms import IdentityTransform, ScaledTranslation
+
+from ...data.estimates import Floats
+from ...scenario.labels import RAW
+from ...style import LINES, MARKERS, SIZE, SMALL, Theme, new_figure
+
+Tracks = Mapping[str, pd.DataFrame]
+
+FIXES = (RAW, "multilateration")
+"""Receivers without dynamics: their estimates are drawn as separate dots."""
+LEFT, RIGHT, BOTTOM = 0.72, 0.12, 0.5
+"""Margins for the labels of axes [inch]."""
+GAP = 0.12
+"""Between panels, and between a legend and what is below it [inch]."""
+WIDTH = 7.2
+"""Width of a figure over time [inch]."""
+LINE = 1.25 * SIZE / 72
+"""Height of a line of text [inch]."""
+SIDES = ((1, 0.6), (1, -0.6), (-1, 0.6), (-1, -0.6), (0, 1), (0, -1), (1, 0), (-1, 0))
+"""Where a label may stand beside its point, right and up: the best one first."""
+AWAY = (7, 13, 20)
+"""How far away [point]."""
+DOTS_ALPHA = 0.9
+NOTHING = "\u200b"
+"""A zero-width space."""
+LONGEST_NAME = 32
+"""Longest name in a legend [characters]; all our own labels fit."""
+
+
+def is_filter(label: str) -> bool:
+    """Whether the receiver is drawn as a line."""
+    return label not in FIXES
+
+
+def lines_of(tracks: Tracks, look: Theme) -> Iterator[tuple[str, pd.DataFrame, dict[str, Any]]]:
+    """Each receiver with its table and line style; raw fixes are small dots in the background."""
+    filters = [label for label in tracks if is_filter(label)]
+    for label, table in tracks.items():
+        if label in FIXES:
+            how: dict[str, Any] = {
+                "color": look.soft, "ls": "", "marker": ".", "ms": 3, "alpha": DOTS_ALPHA,
+                "mew": 0, "zorder": 2,
+            }
+        else:
+            index = filters.index(label)
+            turn, colour = divmod(index, len(look.receivers))
+            often = ceil(len(table) / 12) or 1
+            how = {
+                "color": look.receivers[colour], "ls": LINES[index % len(LINES)], "lw": 1.4,
+                "marker": MARKERS[turn % len(MARKERS)], "ms": 5,
+                "markevery": (index * often // len(filters), often), "zorder": 4,
+            }
+        # Matplotlib omits labels that start with an underscore from a legend.
+        yield (f"{NOTHING}{label}" if label.startswith("_") else label), table, how
+
+
+class _Dots(Line2D):
+    """A line's markers as one path of round caps: in an SVG a tenth of what a mark each takes."""
+
+    @allow_rasterization  # type: ignore[untyped-decorator]
+    def draw(self, renderer: Any) -> None:
+        points = self.get_transform().transform(np.asarray(self.get_xydata(), dtype=np.float64))
+        points = points[np.isfinite(points).all(axis=1)]
+        if self.clipbox is not None:
+            low, high = np.array(self.clipbox.get_points())
+            points = points[((points > low - 9) & (points < high + 9)).all(axis=1)]
+        if not self.get_visible() or not len(points):
+            return
+        ends = np.repeat(points, 2, axis=0)
+        ends[1::2, 0] += 1e-3  # Agg leaves out what has no length at all
+        path = Path(ends, np.tile([Path.MOVETO, Path.LINETO], len(points)).astype(np.uint8))
+        path.should_simplify = False
+        gc = renderer.new_gc()
+        self._set_gc_clip(gc)  # type: ignore[attr-defined]
+        gc.set_foreground(to_rgba(self.get_color(), self.get_alpha()), isRGBA=True)
+        gc.set_linewidth(self.get_markersize() / 2)
+        gc.set_capstyle("round")
+        gc.set_snap(False)
+        renderer.draw_path(gc, path, IdentityTransform())
+        gc.restore()
+        self.stale = False
+
+
+_MANY: Mapping[Any, HandlerBase] = {_Dots: HandlerLine2D(numpoints=3)}
+"""Dots stand for many in a legend too: a single one is a mark on a map."""
+
+
+def add_line(ax: Axes, x: Any, y: Any, how: Mapping[str, Any]) -> None:
+    """Draw a line in the style of `lines_of`; many dots at once."""
+    if how["ls"]:
+        ax.plot(x, y, **how)
+    else:
+        ax.add_line(_Dots(np.asarray(x), np.asarray(y), **how))
+
+
+def truth_of(look: Theme) -> dict[str, Any]:
+    """Style of the truth: on top of the estimates, but thinner."""
+    return {"color": look.ink, "lw": 0.8, "zorder": 5}
+
+
+# --- Words ---------------------------------------------------------------------------------------
+
+
+def outside(tracks: Tracks, limits: Mapping[str, tuple[float, float]]) -> str:
+    """Note on the estimates beyond the limits of their columns."""
+    counts = {
+        label: int((~np.all([table[c].between(*limits[c]) for c in limits], axis=0)).sum())
+        for label, table in tracks.items()
+    }
+    words = ", ".join(
+        f"{short(label)} ({n}\u00a0of\u00a0{len(tracks[label])})"
+        for label, n in counts.items() if n
+    )  # fmt: skip
+    return f"outside of the figure: {words}" if words else ""
+
+
+def no_fix(tracks: Tracks) -> str:
+    """Note on the receivers without any estimate."""
+    silent = ", ".join(short(label) for label, table in tracks.items() if table.empty)
+    return f"no fix: {silent}" if silent else ""
+
+
+def short(name: str) -> str:
+    """Shorten a long name to its beginning and end."""
+    if len(name) <= LONGEST_NAME:
+        return name
+    tail = LONGEST_NAME // 2 - 1
+    return f"{name[:LONGEST_NAME - tail - 1]}…{name[-tail:]}"
+
+
+# --- Panels, legend and margins ------------------------------------------------------------------
+
+
+def panels(
+    count: int, axes: Sequence[Axes] | None, heights: Sequence[float] | None = None
+) -> Sequence[Axes]:
+    """Panels above each other with a common horizontal axis; heights in inches.
+
+    Raises
+    ------
+    ValueError
+        There are not as many `axes` as needed.
+    """
+    if axes is not None:
+        if len(axes) != count:
+            raise ValueError(f"axes: must be {count} axes, got {len(axes)}")
+        return axes
+    heights = heights or (1.45,) * count
+    figure = new_figure(WIDTH, sum(heights) + GAP * (count - 1) + BOTTOM, laid_out=True)
+    grid = figure.subplots(count, sharex=True, gridspec_kw={"height_ratios": heights})
+    for ax in grid:
+        ax.margins(x=0.01)
+        if ax is not grid[-1]:
+            ax.tick_params(axis="x", bottom=False)  # the grid is enough, and is drawn anyway
+        # A fixed place: else each of the labels looks at all ticks of all panels.
+        ax.yaxis.set_label_coords(-0.5 / (WIDTH - LEFT - RIGHT), 0.5)
+    return list(grid)
+
+
+def finish(axes: Sequence[Any], own: bool, *title: str) -> None:
+    """A title from its parts that are not empty, and one legend for all axes.
+
+    Both stand above the axes in our own figure, which grows by them and gets its margins; else
+    within the first axes. A line and a band with the same label share an entry of the legend.
+    """
+    words = "; ".join(part for part in title if part)
+    words = words[:1].upper() + words[1:]
+    entries: dict[str, dict[type, Any]] = {}
+    for ax in axes:
+        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
+            entries.setdefault(label, {}).setdefault(type(handle), handle)
+    handles: list[Any] = [
+        tuple(same.values()) if len(same) > 1 else next(iter(same.values()))
+        for same in entries.values()
+    ]
+    names = [short(label) for label in entries]
+    figure = axes[0].figure
+    if own and isinstance(figure, Figure):
+        legend = _legend_above(figure, handles, names) if names else None
+        _set_margins(figure, axes, legend, fill(words, round(12.5 * figure.get_figwidth())))
+    else:
+        legend = axes[0].legend(handles, names, handler_map=_MANY) if names else None
+        if words:
+            axes[0].set_title(fill(words, 70), loc="left")
+    for handle in legend.legend_handles if legend is not None else ():
+        if isinstance(handle, Line2D) and handle.get_marker() == ".":
+            many = handle.get_markevery() is None  # of `_MANY`
+            handle.set(markersize=4 if many else 8)
+
+
+def _legend_above(figure: Figure, handles: Sequence[Any], names: Sequence[str]) -> Any:
+    """A legend at the top of a figure, in as few rows as fit."""
+    for rows in range(1, len(names) + 1):
+        legend = figure.legend(
+            handles, names, loc="upper center", ncols=ceil(len(names) / rows),
+            bbox_to_anchor=(0.5, 1.0), borderaxespad=0.3, handler_map=_MANY,
+        )
+        if _extent(figure, legend).width < 0.95 * figure.bbox.width or rows == len(names):
+            return legend
+        legend.remove()
+    return None
+
+
+def _extent(figure: Figure, artist: Any) -> Any:
+    return artist.get_window_extent(figure.canvas.get_renderer())  # type: ignore[attr-defined]
+
+
+def _set_margins(figure: Figure, axes: Sequence[Axes], legend: Any, title: str) -> None:
+    width, body = figure.get_size_inches()
+    above = GAP / 2
+    if legend is not None:
+        above = _extent(figure, legend).height / figure.dpi + GAP
+    own = max(title_height(ax.get_title("left")) for ax in axes)
+    height = body + above + title_height(title) + own
+    if title:
+        figure.suptitle(title, x=LEFT / width, y=1 - above / height, ha="left", va="top",
+                        fontsize="medium")
+    figure.set_figheight(height)
+    grid = axes[0].get_gridspec()
+    rows, columns = (1, 1) if grid is None else grid.get_geometry()
+    gap = GAP + own
+    figure.subplots_adjust(
+        left=LEFT / width, right=1 - RIGHT / width, bottom=BOTTOM / height, top=body / height,
+        hspace=gap * rows / (body - BOTTOM - gap * (rows - 1)),
+        wspace=GAP * columns / (width - LEFT - RIGHT - GAP * (columns - 1)),
+    )  # fmt: skip
+
+
+def title_height(words: str) -> float:
+    """Height of a title [inch]."""
+    return LINE * (words.count("\n") + 1) + 0.06 if words else 0.0
+
+
+# --- Labels of points ---------------------------------------------------------------------------
+
+
+def free_places(
+    ax: Axes, points: Floats, words: Sequence[str], drawn: Floats
+) -> Iterator[dict[str, Any]]:
+    """Where labels of points stand on the fewest of the points that are drawn, and on no other.
+
+    Parameters
+    ----------
+    points, drawn
+        In the coordinates of the axes' plane, shapes (n, 2) and (m, 2).
+
+    Yields
+    ------
+    dict
+        Transform and alignment of a text at the point.
+    """
+    inch = ax.figure.dpi
+    taken = ax.transData.transform(drawn[np.isfinite(drawn).all(axis=1)]) / inch
+    inside = ax.bbox.frozen().transformed(ax.figure.dpi_scale_trans.inverted())
+    for point, word in zip(ax.transData.transform(points) / inch, words, strict=True):
+        lines = word.splitlines()
+        size = np.array([0.6 * max(map(len, lines)), 1.25 * len(lines)]) * SMALL / 72
+        best: tuple[float, Floats, Floats] | None = None
+        for away, (right, up) in product(AWAY, SIDES):
+            offset = np.array([right, up]) * away / 72
+            corner = point + offset + size * (np.sign([right, up]) - 1) / 2
+            hidden = ((taken > corner - 0.03) & (taken < corner + size + 0.03)).all(axis=1).sum()
+            beyond = not (inside.contains(*corner) and inside.contains(*(corner + size)))
+            bad = float(hidden) + 1000.0 * beyond + 0.5 * (away - AWAY[0]) / AWAY[0]
+            if best is None or bad < best[0]:
+                best = bad, offset, corner
+        assert best is not None
+        _, (right, up), corner = best
+        grid = np.array(list(product((0, 0.25, 0.5, 0.75, 1), (0, 0.5, 1))))
+        taken = np.vstack([taken, np.tile(corner + size * grid, (20, 1))])  # worse than a curve
+        ha, va = int(np.sign(right)), int(np.sign(up))
+        yield {
+            "transform": ax.transData + ScaledTranslation(right, up, ax.figure.dpi_scale_trans),
+            "ha": ("center", "left", "right")[ha], "va": ("center", "bottom", "top")[va],
+        }  # fmt: skip
+
+
+# --- Limits --------------------------------------------------------------------------------------
+
+
+def columns(tracks: Tracks, column: str) -> list[Floats]:
+    """A column of each filter, or of each raw fix if there is no filter."""
+    filters = [label for label in tracks if is_filter(label)]
+    return [tracks[label][column].to_numpy() for label in filters or tracks if len(tracks[label])]
+
+
+def limits(truth: Floats, estimates: Sequence[Floats], least: float = 1.0) -> tuple[float, float]:
+    """Limits that contain the truth and the estimates near it; at least `least` m apart.
+
+    A diverging estimate leaves the figure, rather than compress everything else.
+    """
+    low, high = float(truth.min()), float(truth.max())
+    reach = max((high - low) / 2, 3.0)
+    bottom = max(min([low, *(np.nanmin(e) for e in estimates)]), low - reach)
+    top = min(max([high, *(np.nanmax(e) for e in estimates)]), high + reach)
+    margin = max(0.06 * (top - bottom), (least - (top - bottom)) / 2)
+    return bottom - margin, top + margin
+
+
+def error_limit(tracks: Tracks, error: str, std: str) -> float:
+    """Upper limit that contains the filters' errors, except outliers, and most of the bands."""
+    errors = [np.abs(e) for e in columns(tracks, error)]
+    tops = [min(np.nanmax(e), 4 * np.nanpercentile(e, 95)) for e in errors]
+    filters = {k: v for k, v in tracks.items() if is_filter(k) and std in v}
+    tops += [2 * np.nanpercentile(s, 90) for s in columns(filters, std)]
+    return max(1.1 * max(tops, default=1.0), 1e-3)

@@ -1,0 +1,336 @@
+"""The path of a run as a map and in space (the paper's Figures 11 and 12).
+
+``tracks`` holds the tables of `metrics.track`, by receiver. On maps, east is to the right and
+north is up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import product
+from math import ceil
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
+from mpl_toolkits.mplot3d import proj3d  # type: ignore[import-untyped]
+
+from ...data.estimates import Floats
+from ...data.truth import recorded
+from ...judge.definitions import AXES
+from ...style import SMALL, Theme, ThemeName, new_figure, use
+from . import drawing
+from .drawing import BOTTOM, GAP, LEFT, RIGHT, Tracks
+
+if TYPE_CHECKING:
+    from mpl_toolkits.mplot3d import Axes3D
+
+    from ...data.record import Record
+
+MOST_TOGETHER = 3
+"""Filters on one map; more of them get a map each."""
+MOST_MARKS = 6
+STEPS_S = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 21600)
+"""Times between two marks on a path [s]."""
+ENDS = ((0, "start", "o"), (-1, "end", "s"))
+"""Row of the path, label and marker."""
+MOST_REPORTS = 500
+"""Reports of the platform's position that a map shows."""
+LONGEST_ARM = 10.0
+"""Beacons farther from their middle than this [m] are not on arms of a platform."""
+MARGINS_3D = (0.45, 0.75, 0.7, 0.1)
+"""Left, right, below and above the box in space [inch]."""
+TALLEST_3D = 6.0
+"""Of the box in space with its labels [inch]."""
+
+
+def plot_path(
+    record: Record, tracks: Tracks, ax: Axes | None = None, theme: ThemeName = "light"
+) -> Axes:
+    """Map of the path, the estimates and the platform, true and as reported.
+
+    A new figure has a map for each receiver, on common axes, if there are more than
+    `MOST_TOGETHER` filters; the first of them is returned.
+    """
+    with use(theme, ax) as look:
+        own = ax is None
+        truth = recorded(record, "target.position")
+        platform = _Platform(record, truth)
+        limits = _limits(np.vstack([truth, platform.true, platform.reported]), tracks, "xy")
+        apart = own and sum(map(drawing.is_filter, tracks)) > MOST_TOGETHER
+        maps = [ax] if ax is not None else _maps(limits, len(tracks) if apart else 1)
+        styled = list(drawing.lines_of(tracks, look))
+        for i, panel in enumerate(maps):
+            platform.draw(panel, 4 if apart else 6, look)
+            panel.plot(truth[:, 1], truth[:, 0], label="true path", **drawing.truth_of(look))
+            for label, table, how in styled[i : i + 1] if apart else styled:
+                drawing.add_line(
+                    panel, table["y_m"], table["x_m"], how | ({} if apart else {"label": label})
+                )
+            panel.set(xlim=limits["y_m"], ylim=limits["x_m"], aspect="equal")
+            if apart:
+                panel.set_title(drawing.short(styled[i][0]), loc="left")
+        every = _time_between_marks(record.time_ns / 1e9)
+        _name_axes(maps)
+        drawing.finish(
+            maps, own, f"map, with a mark every {_in_words(every, every)}",
+            drawing.outside(tracks, limits), drawing.no_fix(tracks),
+        )  # fmt: skip
+        for panel in maps:
+            _mark_times(panel, record, tracks if not apart else {}, every, look)
+    return maps[0]
+
+
+def plot_path_3d(
+    record: Record, tracks: Tracks, ax: Axes3D | None = None, theme: ThemeName = "light"
+) -> Axes3D:
+    """Path and estimates in space, depth downwards (the paper's Figure 12b)."""
+    with use(theme, ax) as look:
+        own = ax is None
+        ax = ax or new_figure(6.4, 6.4, laid_out=True).add_subplot(projection="3d")
+        truth = recorded(record, "target.position")
+        platform = _Platform(record, truth)
+        limits = _limits(np.vstack([truth, platform.true]), tracks, AXES)
+        for number, arm in enumerate(_arms(platform.true)):
+            ax.plot(*arm[:, [1, 0, 2]].T, color=look.soft, marker="^", ms=5, markevery=[-1],
+                    ls="" if _are_far(platform.true) else "-",
+                    label=platform.name if number == 0 else None)
+            _drop(ax, arm[-1], limits["z_m"][1], look)
+        ax.plot(*truth[:, [1, 0, 2]].T, label="true path", **drawing.truth_of(look))
+        curves = [truth]
+        for label, table, how in drawing.lines_of(tracks, look):
+            # 3-D axes do not clip: points beyond the limits would be drawn outside the box.
+            shown = table[["x_m", "y_m", "z_m"]].copy()
+            for column, limit in limits.items():
+                shown[~table[column].between(*limit)] = np.nan
+            ax.plot(*shown.to_numpy()[:, [1, 0, 2]].T, label=label, **how)
+            curves.append(shown.to_numpy())
+        ax.set(xlim=limits["y_m"], ylim=limits["x_m"], zlim=limits["z_m"][::-1])
+        ax.set(xlabel="East y [m]", ylabel="North x [m]", zlabel="Depth z [m]")
+        north, east, depth = (np.ptp(limit) for limit in limits.values())
+        height = max(depth, 0.35 * max(north, east))
+        ax.set_box_aspect((east, north, height), zoom=1.0 if own else 1.3)
+        stretched = f"depth ×{height / depth:.2g}" if height > 1.005 * depth else ""
+        for line in ax.lines:
+            # The box may exceed the clip area of the axes; the layout ignores 3-D positions.
+            line.set(clip_on=False, in_layout=False)
+        for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
+            axis.set_major_locator(MaxNLocator(5))
+            axis.set_pane_color(look.paper)
+            axis._axinfo["grid"].update(color=look.grid, linewidth=0.6)
+        drawing.finish(
+            [ax], own, "path in space", stretched, drawing.outside(tracks, limits),
+            drawing.no_fix(tracks),
+        )  # fmt: skip
+        if own:
+            _fit_to_box(ax)
+        _mark_ends_3d(ax, truth, np.vstack(curves), look)
+    return ax
+
+
+class _Platform:
+    """The platform on a map: mean positions of its beacons [m], true and as reported, (N, 3)."""
+
+    def __init__(self, record: Record, truth: Floats) -> None:
+        beacons = recorded(record, "platform.beacon_position")
+        reports = recorded(record, "platform.reported_beacon_position")
+        self.true: Floats = beacons.mean(axis=0)
+        self.reported: Floats = reports.mean(axis=0)
+        self.centres: Floats = reports.mean(axis=1)[:: ceil(len(reports) / MOST_REPORTS)]
+        self.is_exact = np.array_equal(beacons, reports)
+        extent = np.ptp(np.vstack([truth, self.true])[:, :2], axis=0).max()
+        moving = np.abs(beacons - self.true).max() > 0.02 * extent  # more than a marker's size
+        self.name = "beacons (mean)" if moving else "beacons"
+
+    def draw(self, ax: Axes, size: float, look: Theme) -> None:
+        """Arms of the beacons; as reported dashed, with dots at its centre at many instants."""
+        how = {"color": look.ink, "ms": size}
+        self._beacons(ax, self.true, self.name, **how, marker="^", mfc=look.soft)
+        if not self.is_exact:
+            self._beacons(ax, self.reported, "beacons as reported (mean)", **how,
+                          ls=(0, (2.5, 1.5)), marker="v", mfc=look.paper)
+        if not self.is_exact and not _are_far(self.true):
+            drawing.add_line(ax, self.centres[:, 1], self.centres[:, 0], {
+                "color": look.ink, "ls": "", "marker": ".", "ms": 2.2, "alpha": 0.9, "zorder": 2.5,
+                "label": "platform as reported",
+            })  # fmt: skip
+
+    @staticmethod
+    def _beacons(ax: Axes, beacons: Floats, name: str, **how: Any) -> None:
+        how |= {"ls": ""} if _are_far(beacons) else {}
+        for number, arm in enumerate(_arms(beacons)):
+            ax.plot(*arm[:, [1, 0]].T, lw=1, zorder=3, markevery=[-1],
+                    label=name if number == 0 else None, **how)
+
+
+def _arms(beacons: Floats) -> list[Floats]:
+    """From the middle of the beacons to each of them; to itself if there can be no arm."""
+    middle, far = beacons.mean(axis=0), _are_far(beacons)
+    return [beacon[None] if far else np.array([middle, beacon]) for beacon in beacons]
+
+
+def _are_far(beacons: Floats) -> bool:
+    """Whether they cannot be on arms of one platform."""
+    return bool(np.abs(beacons - beacons.mean(axis=0)).max() > LONGEST_ARM)
+
+
+def _limits(seen: Floats, tracks: Tracks, axes: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """Limits of each coordinate, by column."""
+    return {
+        f"{axis}_m": drawing.limits(seen[:, i], drawing.columns(tracks, f"{axis}_m"))
+        for i, axis in enumerate(axes)
+    }
+
+
+def _maps(limits: dict[str, tuple[float, float]], count: int) -> list[Axes]:
+    """Axes of a new figure that has the shape of what it shows."""
+    rows = ceil(count / 3) if count > 4 else ceil(count / 2)
+    columns = ceil(count / rows)
+    north, east = (np.ptp(limit) for limit in limits.values())
+    wide = (5.6, 3.3, 2.5)[columns - 1]
+    high = min(wide * north / east, 6.2 if count == 1 else 3.6)
+    wide, high = max(high * east / north, wide / 2), max(high, wide / 3)
+    figure = new_figure(
+        LEFT + columns * wide + (columns - 1) * GAP + RIGHT,
+        BOTTOM + rows * high + (rows - 1) * (GAP + drawing.title_height("one line")),
+        laid_out=True,
+    )
+    grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    for empty in grid.flat[count:]:
+        empty.set_axis_off()
+    for above in grid[-2, count - columns * rows :] if count < columns * rows else ():
+        above.tick_params(labelbottom=True)
+    return list(grid.flat[:count])
+
+
+def _name_axes(maps: Sequence[Axes]) -> None:
+    for ax in maps:
+        place = ax.get_subplotspec()
+        if place is None or place.is_last_row():
+            ax.set_xlabel("East y [m]")
+        if place is None or place.is_first_col():
+            ax.set_ylabel("North x [m]")
+
+
+# --- Time along the path -------------------------------------------------------------------------
+
+
+def _time_between_marks(time_s: Floats) -> float:
+    span = float(time_s[-1] - time_s[0])
+    return next((step for step in STEPS_S if step * MOST_MARKS >= span), span)
+
+
+def _in_words(time_s: float, every_s: float) -> str:
+    """A time in the unit of the time between marks."""
+    unit, seconds = next(u for u in (("h", 3600), ("min", 60), ("s", 0)) if every_s >= u[1])
+    return f"{time_s / (seconds or 1):g} {unit}"
+
+
+def _mark_times(
+    ax: Axes, record: Record, tracks: Tracks, every: float, look: Theme
+) -> None:
+    """Marks and arrowheads along the true path, with labels where the least is drawn."""
+    time_s, path = record.time_ns / 1e9, recorded(record, "target.position")[:, [1, 0]]
+    first, last = time_s[0], time_s[-1]
+    marks = np.arange(ceil((first + 0.5 * every) / every) * every, last - 0.25 * every, every)
+    at = np.column_stack([np.interp(marks, time_s, c) for c in path.T])
+    ax.plot(*at.T, ls="", marker="o", ms=3.5, color=look.ink, zorder=5.5)
+    _point_ahead(ax, time_s, path, every, look)
+    words = _ends(ax, path[[0, -1]])
+    labels = [(point, _in_words(float(t), every)) for point, t in zip(at, marks, strict=True)]
+    for row, word, marker in ENDS:
+        ax.plot(*path[row], marker, color=look.ink, mfc=look.paper, ms=7, zorder=6)
+        if word in words:
+            labels.insert(0, (path[row], words[word]))
+    drawn = [path, *(table[["y_m", "x_m"]].to_numpy() for table in tracks.values())]
+    drawn += [np.asarray(line.get_xydata()) for line in ax.lines]
+    places = drawing.free_places(
+        ax, np.array([point for point, _ in labels]), [w for _, w in labels], np.vstack(drawn)
+    )
+    for (point, word), place in zip(labels, places, strict=True):
+        ax.text(point[0], point[1], word, fontsize=SMALL, zorder=7, **place)
+
+
+def _point_ahead(ax: Axes, time_s: Floats, path: Floats, every: float, look: Theme) -> None:
+    """Arrowheads in the direction of motion, half way between marks; none where it rests."""
+    middle = np.arange(time_s[0] + every / 2, time_s[-1], every)
+    step = max(0.02 * every, float(np.median(np.diff(time_s))))
+    at, before, after = (
+        np.column_stack([np.interp(t, time_s, c) for c in path.T])
+        for t in (middle, middle - step, middle + step)
+    )
+    ahead = after - before
+    length = np.hypot(*ahead.T)
+    moves = length > 1e-3 * np.ptp(path, axis=0).max()
+    if moves.any():
+        unit = ahead[moves] / length[moves, None]
+        ax.quiver(
+            *at[moves].T, *unit.T, angles="xy", units="inches", scale_units="inches", scale=8,
+            width=0.012, headwidth=8, headlength=10, headaxislength=10, minlength=0, pivot="mid",
+            color=look.ink, zorder=5.5,
+        )  # fmt: skip
+
+
+def _ends(ax: Axes, points: Floats) -> dict[str, str]:
+    """Labels for the start and end of a path; a single label if two would overlap.
+
+    `points` are start and end in the plane of the figure, shape (2, 2).
+    """
+    ax.apply_aspect()
+    across, up = np.abs(np.diff(ax.transData.transform(points), axis=0))[0]
+    inch = ax.figure.dpi
+    if across > 0.45 * inch or up > 0.18 * inch:
+        return {"start": "start", "end": "end"}
+    return {"start": "start, end"}
+
+
+# --- In space ------------------------------------------------------------------------------------
+
+
+def _drop(ax: Axes3D, beacon: Floats, floor: float, look: Theme) -> None:
+    """A line from a beacon to the floor of the box, and its foot: where it is, and how high."""
+    below = np.array([beacon, [*beacon[:2], floor]])
+    ax.plot(*below[:, [1, 0, 2]].T, color=look.soft, lw=0.8, ls=(0, (2, 1.5)), marker=".", ms=4,
+            markevery=[-1], zorder=1)
+
+
+def _flat(ax: Axes3D, points: Floats) -> Floats:
+    """Points north, east, down (n, 3) in the plane of the axes (n, 2)."""
+    across, up, _ = proj3d.proj_transform(*points[:, [1, 0, 2]].T, ax.get_proj())
+    return np.column_stack([across, up])
+
+
+def _fit_to_box(ax: Axes3D) -> None:
+    """Let the box fill the figure but for the margins of its labels, and give that its height."""
+    figure = ax.figure
+    width, height = figure.get_size_inches()
+    above = (1 - figure.subplotpars.top) * height
+    ax.set_position((0, 0, 1, width / height))  # a square
+    ax.apply_aspect()
+    corners = np.array(list(product(ax.get_ylim(), ax.get_xlim(), ax.get_zlim())))
+    inches = ax.transData.transform(_flat(ax, corners)) / figure.dpi
+    low, size = inches.min(axis=0), np.ptp(inches, axis=0)
+    left, right, bottom, top = MARGINS_3D
+    scale = min((width - left - right) / size[0], (TALLEST_3D - bottom - top) / size[1])
+    side, height = scale * width, scale * size[1] + bottom + top + above
+    slack = (width - left - right - scale * size[0]) / 2
+    title = figure._suptitle
+    if title is not None:
+        title.set_y(1 - (1 - title.get_position()[1]) * figure.get_figheight() / height)
+    figure.set_figheight(height)
+    x, y = left + slack - scale * low[0], bottom - scale * low[1]
+    ax.set_position((x / width, y / height, side / width, side / height))
+
+
+def _mark_ends_3d(ax: Axes3D, path: Floats, drawn: Floats, look: Theme) -> None:
+    """Start and end of the path, with labels where the least is drawn."""
+    ends = _flat(ax, path[[0, -1]])
+    words = _ends(ax, ends)
+    rows = [row for row, word, _ in ENDS if word in words]
+    places = drawing.free_places(ax, ends[rows], list(words.values()), _flat(ax, drawn))
+    for row, _, marker in ENDS:
+        ax.plot(*path[row, [1, 0, 2]][:, None], marker, color=look.ink, mfc=look.paper, ms=6,
+                zorder=6, clip_on=False, in_layout=False)
+    for row, word, place in zip(rows, words.values(), places, strict=True):
+        ax.text(*path[row, [1, 0, 2]], word, fontsize=SMALL, zorder=7, **place)

@@ -1,0 +1,212 @@
+"""Figures of a run, as in the paper's Figures 6, 9 and 11 to 14.
+
+Each function draws into the given axes or a new figure, and returns the axes. ``tracks`` holds the
+tables of `metrics.track`, by receiver. The maps are in `sblcosim.results.figures.maps`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from ...data.estimates import Floats
+from ...data.truth import recorded
+from ...judge import possible
+from ...judge.definitions import AXES, FRAME_WORDS
+from ...judge.metrics import REPORTED, error_column, with_errors
+from ...style import LINES, ThemeName, use
+from . import drawing
+from .drawing import Tracks
+from .maps import plot_path as plot_path
+from .maps import plot_path_3d as plot_path_3d
+
+if TYPE_CHECKING:
+    from ...data.record import Record
+    from ...limits.verdict import Limits
+
+NAMES = {"x": "North x", "y": "East y", "z": "Depth z"}
+INCLINATION_WINDOW_S = 60.0
+COARSE_S = 0.25
+"""Sampling interval [s] above which a line through samples of waves (periods from 1 s) misleads."""
+
+
+def plot_axes(
+    record: Record, tracks: Tracks, axes: Sequence[Axes] | None = None, theme: ThemeName = "light"
+) -> Sequence[Axes]:
+    """True and estimated coordinates over time (the paper's Figure 13); three axes."""
+    with use(theme, axes) as look:
+        own = axes is None
+        axes = drawing.panels(3, axes)
+        time_s, truth = record.time_ns / 1e9, recorded(record, "target.position")
+        limits = {}
+        for i, (ax, axis) in enumerate(zip(axes, AXES, strict=True)):
+            ax.plot(time_s, truth[:, i], label="truth", **drawing.truth_of(look))
+            for label, table, how in drawing.lines_of(tracks, look):
+                drawing.add_line(
+                    ax, table["epoch_s"], table[f"{axis}_m"], how | {"label": label}
+                )
+            column = f"{axis}_m"
+            limits[column] = drawing.limits(truth[:, i], drawing.columns(tracks, column), 0.5)
+            ax.set(ylim=limits[column], ylabel=f"{NAMES[axis]} [m]")
+        axes[2].invert_yaxis()
+        _time_axis(axes, record)
+        drawing.finish(
+            axes, own, "coordinates over time", drawing.outside(tracks, limits),
+            drawing.no_fix(tracks),
+        )  # fmt: skip
+    return axes
+
+
+def plot_errors(
+    record: Record,
+    tracks: Tracks,
+    axes: Sequence[Axes] | None = None,
+    frame: str = "absolute",
+    reference: Limits | None = None,
+    theme: ThemeName = "light",
+) -> Sequence[Axes]:
+    """Errors over time with each filter's ±2σ band, and the total error (the paper's Figure 14).
+
+    Four axes over the whole run. `frame` is one of `definitions.FRAMES`; receivers without errors
+    in it are left out. `reference` is what was possible: ±2σ, and the RMS of the total.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such frame, or no receiver has errors in it.
+    """
+    tracks = with_errors(tracks, frame)
+    claim = "own_relative_std" if frame == "own_relative" else "std"
+    with use(theme, axes) as look:
+        own = axes is None
+        axes = drawing.panels(4, axes)
+        limits, bands = {}, False
+        for ax, axis in zip(axes, (*AXES, "total"), strict=True):
+            column = error_column(frame, axis)
+            for label, table, how in drawing.lines_of(tracks, look):
+                t, e = table["epoch_s"], table[column]
+                drawing.add_line(ax, t, e, how | {"label": label})
+                if f"{claim}_{axis}_m" in table and drawing.is_filter(label):
+                    _draw_band(ax, t, 2 * table[f"{claim}_{axis}_m"], label, how)
+                    bands = True
+            top = drawing.error_limit(tracks, column, f"{claim}_{axis}_m")
+            ax.set_ylim((0 if axis == "total" else -top), top)
+            if axis == "total":
+                ax.set_ylabel("Total error [m]")
+            else:
+                ax.axhline(0, color=look.ink, lw=0.8, zorder=2)
+                ax.set_ylabel(f"Error in {axis} [m]")
+            limits[column] = (-top, top)
+        since_s = min((t["epoch_s"].min() for t in tracks.values() if len(t)), default=np.inf)
+        possible.draw(axes, reference, frame, since_s, look)
+        _time_axis(axes, record)
+        drawing.finish(
+            axes,
+            own,
+            "estimate minus truth" + ("" if frame == "absolute" else f", {FRAME_WORDS[frame]}"),
+            "bands: claimed ±2σ" if bands else "",
+            drawing.outside(tracks, limits),
+            drawing.no_fix(tracks),
+        )
+    return axes
+
+
+def _draw_band(ax: Axes, t: Any, reach: Any, label: str, how: Mapping[str, Any]) -> None:
+    """A band about zero; its edges stay visible where another band covers it."""
+    ax.fill_between(t, -reach, reach, color=how["color"], alpha=0.12, lw=0, label=label, zorder=1)
+    edges = np.concatenate([reach, [np.nan], -reach])
+    ax.plot(np.concatenate([t, [np.nan], t]), edges, color=how["color"], ls=how["ls"], lw=0.8,
+            zorder=1.5)
+
+
+def plot_inclination(
+    record: Record,
+    axes: Sequence[Axes] | None = None,
+    window_s: float = INCLINATION_WINDOW_S,
+    theme: ThemeName = "light",
+) -> Sequence[Axes]:
+    """True roll, pitch and yaw of the platform in the first `window_s` (the paper's Figure 9).
+
+    A fourth panel has what the platform reports of them, minus the truth: in a new figure if it
+    reports anything else, or if there are four `axes`.
+    """
+    with use(theme, axes) as look:
+        own = axes is None
+        true = recorded(record, "platform.attitude")
+        reported = recorded(record, REPORTED) if REPORTED in record.values else true
+        wrong = len(axes) == 4 if axes is not None else not np.array_equal(reported, true)
+        axes = drawing.panels(4 if wrong else 3, axes)
+        time_s = (record.time_ns - record.time_ns[0]) / 1e9
+        shown = time_s <= window_s
+        angles = np.rad2deg(true[shown])
+        errors = (np.rad2deg(reported[shown]) - angles + 180) % 360 - 180
+        middle = (angles.max(axis=0) + angles.min(axis=0)) / 2
+        step_s = float(np.median(np.diff(record.time_ns))) / 1e9
+        coarse = step_s > COARSE_S
+        marker = "." if coarse else ".-" if len(angles) < 200 else "-"
+        reach = max(1.15 * np.ptp(angles, axis=0).max() / 2, 0.5)
+        for i, name in enumerate(("Roll", "Pitch", "Yaw")):
+            t, colour = record.time_ns[shown] / 1e9, look.receivers[i]
+            axes[i].plot(t, angles[:, i], marker, color=colour)
+            axes[i].set(ylim=(middle[i] - reach, middle[i] + reach), ylabel=f"{name} [°]")
+            if wrong:
+                axes[3].plot(t, errors[:, i], color=colour, ls=LINES[i], lw=1,
+                             label=name.lower())
+        if wrong:
+            axes[3].axhline(0, color=look.ink, lw=0.8, zorder=2)
+            axes[3].set_ylabel("Reported − true [°]")
+        axes[-1].set_xlabel("Time [s]")
+        part = f", first {window_s:g} s" if not shown.all() else ""
+        sampled = f", sampled every {step_s:g} s" if coarse else ""
+        drawing.finish(axes, own, f"inclination of the platform{part}{sampled}")
+    return axes
+
+
+def plot_range_test(
+    distance: Floats,
+    mean: Floats,
+    std: Floats,
+    line: tuple[float, float],
+    axes: Sequence[Axes] | None = None,
+    theme: ThemeName = "light",
+) -> Sequence[Axes]:
+    """Measured range over true distance, and the residuals (the paper's Figure 6).
+
+    Parameters
+    ----------
+    distance, mean, std
+        True distance, and mean and standard deviation of the ranges there [m]; shape (n,).
+    line
+        Intercept [m] and slope of the fitted line.
+    axes
+        Two axes.
+    """
+    with use(theme, axes) as look:
+        own = axes is None
+        axes = drawing.panels(2, axes, (2.5, 1.3))
+        above, below = axes
+        ends = np.array([0.0, 1.04 * distance.max()])
+        above.plot(ends, ends, color=look.ink, lw=1, label="range = distance")
+        above.plot(distance, mean, "o", ms=4.5, color=look.receivers[0], mfc="none",
+                   label="mean range, ± standard deviation")
+        above.set_ylabel("Measured range [m]")
+        below.axhline(0, color=look.ink, lw=1)
+        below.errorbar(distance, mean - distance, std, fmt="o", ms=4.5, color=look.receivers[0],
+                       mfc="none", capsize=2.5, lw=1)
+        below.plot(ends, line[0] + (line[1] - 1) * ends, color=look.receivers[1], ls=LINES[1],
+                   label="fitted line")
+        below.set(ylabel="Range − distance [m]", xlabel="True distance [m]", xlim=ends)
+        drawing.finish(axes, own, "ranges at known distances")
+    return axes
+
+
+def _time_axis(axes: Sequence[Axes], record: Record) -> None:
+    """Make the time axis cover the whole run."""
+    start, stop = record.time_ns[[0, -1]] / 1e9
+    margin = 0.01 * (stop - start)
+    for ax in axes:
+        ax.set_xlim(start - margin, stop + margin)
+    axes[-1].set_xlabel("Time [s]")

@@ -1,0 +1,1 @@
+"""Systems that are resolved and checked, ready for any master."""

@@ -1,0 +1,1 @@
+"""Files of the user: looked at and built by child processes."""

@@ -1,0 +1,128 @@
+"""A receiver in a folder of the user, from its declaration to its FMU: what a child process does.
+
+Its functions are called there, as those of `loading`, and their errors are what the user reads.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+from sblcosim.fmus.build import factory
+from sblcosim.fmus.build.ingredients import of_user
+from sblcosim.fmus.host.watch import watch
+from sblcosim.fmus.standard import Fmi
+from sblcosim.models import COMPONENTS, check_unique
+from sblcosim.models.declaration import Component, Variable
+from sblcosim.models.receiver.receiver import Beacons, ReceiverDeclaration
+
+from ...errors import ConfigurationError, SblcosimError, instance, nearest
+from ..code.user_code import foreseen, raised, run_file
+from .loading import IMPORT
+
+if TYPE_CHECKING:
+    from sblcosim.models.equations import Model
+
+NAME = "RECEIVER"
+"""What the file declares its receiver as."""
+_IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+Asked = tuple[str, str, int, Fmi]
+"""Name of the FMU's file, what is said of it, number of beacons, and FMI version."""
+Built = tuple[Path, tuple[Variable, ...], str, Mapping[Beacons, str]]
+"""The FMU, its parameters, its purpose, and the beacons that it is not for."""
+
+
+def receiver(
+    path: Path, content: bytes, key: str, asked: Asked, where: str
+) -> tuple[Built, str]:
+    """The FMU of the receiver that a file declares, and what the file is known by.
+
+    Raises
+    ------
+    ConfigurationError
+        The file cannot be run, or declares no receiver that can be built.
+    """
+    with watch().calling(where.partition(":")[0], IMPORT):
+        module, sha256, _ = run_file(path, content, where)
+    declaration = _declaration(module, path, where)
+    name, readme, beacons, fmi = asked
+    try:
+        component = declaration.component.sized(beacons=beacons)
+    except ValueError as error:
+        raise ConfigurationError(f"{where}: {error}") from None
+
+    def model() -> Model:
+        with watch().calling(where.partition(":")[0], "its equations"):
+            return replace(_model(component, declaration, where), readme=readme)
+
+    of = of_user(repr((sha256, component, readme)), fmi)
+    fmu = factory.kept_fmu(f"{name}.fmu", of, model, fmi)
+    parameters = tuple(map(_plain, component.of("parameter")))
+    return (fmu, parameters, declaration.purpose, {**declaration.unfit}), sha256
+
+
+def _declaration(module: ModuleType, path: Path, where: str) -> ReceiverDeclaration:
+    """What a module declares, looked at."""
+    must = f"{where}: {path.name} must have {NAME}, a ReceiverDeclaration, got"
+    if NAME not in vars(module):
+        names = [name for name in vars(module) if not name.startswith("_")]
+        raise ConfigurationError(f"{must} none{nearest(NAME, names)}")
+    declaration = vars(module)[NAME]
+    if not isinstance(declaration, ReceiverDeclaration):
+        raise ConfigurationError(f"{must} {instance(declaration)}")
+    component: Any = declaration.component
+    if not isinstance(component, Component):
+        raise ConfigurationError(
+            f"{where}: {NAME} must be of a Component, as receiver(...) makes it, got "
+            f"{instance(component)}"
+        )
+    if not _IDENTIFIER.fullmatch(component.name):
+        raise ConfigurationError(
+            f"{where}: its name must be letters, digits and _, not a digit first, got "
+            f"{component.name!r}"
+        )
+    try:
+        check_unique({**COMPONENTS, path.parent.name: component})
+    except ValueError as error:
+        raise ConfigurationError(f"{where}: {str(error).removeprefix('components: ')}") from None
+    if not callable(declaration.equations):
+        raise ConfigurationError(
+            f"{where}: {NAME} must have equations, a function that makes them, got "
+            f"{instance(declaration.equations)}"
+        )
+    return declaration
+
+
+def _model(component: Component, declaration: ReceiverDeclaration, where: str) -> Model:
+    """The equations of a receiver as functions, made by the user's code."""
+    from sblcosim.models.equations import Equations, build
+
+    assert declaration.equations is not None
+    try:
+        equations: Any = declaration.equations()
+    except SblcosimError:
+        raise
+    except foreseen() as error:
+        raise ConfigurationError(
+            f"{where}: must make its equations, got {raised(error)}"
+        ) from error
+    if not isinstance(equations, Equations):
+        raise ConfigurationError(
+            f"{where}: equations must make Equations, got {instance(equations)}"
+        )
+    try:
+        return build(component, equations)
+    except foreseen() as error:
+        raise ConfigurationError(
+            f"{where}: its equations must fit its declaration, got {raised(error)}"
+        ) from error
+
+
+def _plain(variable: Variable) -> Variable:
+    """A variable without functions, for the process that has asked."""
+    start = variable.starts if variable.shape else variable.starts[0]
+    return replace(variable, start=start, starting=None)
