@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Literal, cast
 
 import numpy as np
@@ -28,12 +29,15 @@ from sblcosim.models.declaration import Variable
 from sblcosim.models.ports import BEACON_POSITIONS, BEACONS, MOTION
 
 from . import artifacts, style
+from .answer import Answer
+from .catalogue import Figure, Job, by_name, jobs
 from .data.estimates import Floats
 from .data.record import Record
 from .errors import ConfigurationError, check_choice
+from .layout import fitted
 from .results.figures import run as figures
-from .results.figures.catalogue import Figure, by_name, jobs
-from .shown import Picture, Shown, verbatim
+from .results.range_test import RANGE_TEST
+from .shown import Picture
 from .simulation.masters.python import execute
 from .simulation.resolve import resolve
 from .simulation.system import ComponentSpec, Connection, PythonComponent, System
@@ -61,7 +65,7 @@ class SoundSpeed:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CalibrationResult(Shown):
+class CalibrationResult(Answer):
     """The results of the two tests.
 
     Attributes
@@ -83,6 +87,9 @@ class CalibrationResult(Shown):
         The range test, one row per distance: ``distance_m``, ``pings``, ``mean_m`` and ``std_m``
         of the ranges, and ``error_m``, mean minus distance.
     """
+
+    document = "calibrate"
+    columns = MappingProxyType({"range_test": RANGE_TEST})
 
     settings: Mapping[str, Any]
     known_distance: SoundSpeed
@@ -117,26 +124,30 @@ class CalibrationResult(Shown):
         )
         return plain
 
-    def save(
-        self,
-        directory: str | Path,
-        theme: style.ThemeName = "light",
-        other: artifacts.Other = "refuse",
-    ) -> Path:
-        """Write table, figure and manifest into a folder; see `sblcosim.Result.save`."""
-        with artifacts.draft(directory, {"calibration": self.to_json()}, other) as draft:
-            artifacts.write_table(self.table, draft.folder, "range_test")
-            for job in jobs(FIGURES, self):
-                job.save(draft.folder, theme)
-        return draft.saved
+    def manifest(self) -> dict[str, Any]:
+        """What was done, and what came of it."""
+        return {"calibration": self.to_json()}
 
-    def __str__(self) -> str:
+    @property
+    def title(self) -> str:
+        """Of a page."""
+        return "Calibration"
+
+    @property
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """The range test."""
+        return {"range_test": self.table}
+
+    @property
+    def figures(self) -> list[Job]:
+        """The range test."""
+        return jobs(FIGURES, self)
+
+    @property
+    def answer(self) -> str:
+        """The speed of sound by both tests, and the line of the second, a line each."""
         s, known, line = self.settings, self.known_distance, self.line
         offset_us = self.intercept_m / s["assumed_sound_speed"] * 1e6
-        rows = self.table.to_string(
-            index=False,
-            formatters=dict.fromkeys(("mean_m", "std_m", "error_m"), "{:.3f}".format),
-        )
         return "\n".join(
             (
                 f"Speed of sound: true {s['sound_speed']:g} m/s, assumed for ranging "
@@ -148,19 +159,35 @@ class CalibrationResult(Shown):
                 f"Range test: range = {self.intercept_m:.4f} m (± {self.intercept_std_m:.4f}) + "
                 f"{self.slope:.5f} (± {self.slope_std:.5f}) × distance",
                 f"  the intercept is an error of clock and delay of {offset_us:.1f} µs",
-                "  ± is one standard uncertainty; that of the known distance leaves out clock and "
-                "delay",
-                "",
-                rows,
             )
         )
+
+    @property
+    def remarks(self) -> list[str]:
+        """What must be known to read the numbers."""
+        return ["± is one standard uncertainty; that of the known distance leaves out clock and "
+                "delay"]
+
+    def text(self, *, verbose: bool = False, width: int | None = None) -> str:
+        """The answer, then the range test.
+
+        Parameters
+        ----------
+        verbose
+            Has no effect.
+        width
+            Columns to fit into; None: lines are not wrapped.
+        """
+        rows = self.table.to_string(
+            index=False,
+            formatters=dict.fromkeys(("mean_m", "std_m", "error_m"), "{:.3f}".format),
+        )
+        remarks = [f"  {line}" for line in self.remarks]
+        return fitted("\n".join((self.answer, *remarks, "", rows)), width)
 
     def _gist(self) -> str:
         known = self.known_distance
         return f"of the speed of sound: {known.value:.1f} ± {known.std:.1f} m/s"
-
-    def _repr_html_(self) -> str:
-        return verbatim(str(self))
 
 
 def _range_test(

@@ -9,14 +9,11 @@ from .. import lazy
 if TYPE_CHECKING:
     from .advice.advice import Advice, advise
     from .advice.of_study import advice_on_study
-    from .advice.saving import save_advice
     from .two_level.analysis import Factorial, analyse
-    from .two_level.saving import save
     from .workflow import of_study, of_table
 
 __all__ = [
-    "Advice", "Factorial", "advice_on_study", "advise", "analyse", "of_study", "of_table", "save",
-    "save_advice",
+    "Advice", "Factorial", "advice_on_study", "advise", "analyse", "of_study", "of_table",
 ]  # fmt: skip
 
 if not TYPE_CHECKING:  # a checker would take any name for one of ours
@@ -26,6 +23,5 @@ if not TYPE_CHECKING:  # a checker would take any name for one of ours
             "Advice": "advice.advice", "Factorial": "two_level.analysis",
             "advice_on_study": "advice.of_study", "advise": "advice.advice",
             "analyse": "two_level.analysis", "of_study": "workflow", "of_table": "workflow",
-            "save": "two_level.saving", "save_advice": "advice.saving",
         },
     )  # fmt: skip

@@ -6,6 +6,7 @@ import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,16 +14,19 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from .. import artifacts, style
+from ..answer import Answer
+from ..catalogue import Figure, Job, by_name, jobs
 from ..judge.definitions import LOST
+from ..layout import fitted
 from ..lazy import Module
-from ..results.figures.catalogue import Figure, by_name, jobs
 from ..scenario.scenario import Scenario
-from ..shown import Picture, Shown, verbatim
+from ..shown import Picture
 from ..tracks.place import Origin
 from ..words.lists import counted
 from ..words.numbers import meters
 from . import contours
 from .grid import Grid
+from .tables import CELLS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,7 +42,7 @@ _figures = Module("sblcosim.areas.figures")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class AreaMap(Shown):
+class AreaMap(Answer):
     """The 95 % error of a receiver over an area, beside what is possible there.
 
     Attributes
@@ -69,6 +73,9 @@ class AreaMap(Shown):
     doubt
         What the receiver is not made for, in words; empty if there is nothing to say.
     """
+
+    document = "map"
+    columns = MappingProxyType({TABLE: CELLS})
 
     scenario: Scenario
     receiver: str
@@ -169,32 +176,59 @@ class AreaMap(Shown):
         )
         return plain
 
-    def save(
-        self,
-        directory: str | Path,
-        theme: style.ThemeName = "light",
-        *,
-        figures: bool = True,
-        other: artifacts.Other = "refuse",
-    ) -> Path:
-        """Write cells, figures, contours and manifest into a folder; see `sblcosim.Result.save`."""
-        style.named(theme)
+    def manifest(self) -> dict[str, Any]:
+        """What was simulated, and what came of it."""
         made = {key: it for key, it in self.to_json().items() if key != "doubt"}
-        manifest = {"map": made, "scenario": self.scenario.dump_toml()}
-        with artifacts.draft(directory, manifest, other) as draft:
-            artifacts.write_table(self.cells, draft.folder, TABLE)
-            on_earth = self.geojson()
-            if on_earth is not None:
-                text = json.dumps(on_earth, allow_nan=False)
-                (draft.folder / GEOJSON).write_text(f"{text}\n", "utf-8")
-            for job in jobs(FIGURES, self) if figures else ():
-                job.save(draft.folder, theme)
-        return draft.saved
+        return {"map": made, "scenario": self.scenario.dump_toml()}
 
-    def __str__(self) -> str:
-        return "\n".join(self._lines())
+    def write(
+        self, folder: Path, theme: style.ThemeName = "light", figures: bool = True
+    ) -> None:
+        """With the contours on Earth."""
+        super().write(folder, theme, figures)
+        on_earth = self.geojson()
+        if on_earth is not None:
+            text = json.dumps(on_earth, allow_nan=False)
+            (folder / GEOJSON).write_text(f"{text}\n", "utf-8")
 
-    def _lines(self) -> Iterator[str]:
+    def text(self, *, verbose: bool = False, width: int | None = None) -> str:
+        """The map in words.
+
+        Parameters
+        ----------
+        verbose
+            Has no effect.
+        width
+            Columns to fit into; None: lines are not wrapped.
+        """
+        return fitted("\n".join((self.answer, *self.remarks)), width)
+
+    @property
+    def title(self) -> str:
+        """Of a page."""
+        return f"Map of {self.scenario.name}"
+
+    @property
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """The cells."""
+        return {TABLE: self.cells}
+
+    @property
+    def figures(self) -> list[Job]:
+        """The map, a narrow one, and how certain it is."""
+        return jobs(FIGURES, self)
+
+    @property
+    def answer(self) -> str:
+        """Errors, what is possible, and where the requirement is kept, a line each."""
+        return "\n".join(self._answers())
+
+    @property
+    def remarks(self) -> list[str]:
+        """What must be known to read the answer, a line each."""
+        return [*self._remarks()]
+
+    def _answers(self) -> Iterator[str]:
         s, found = self.settings, self.summary()
         what = s["error"].replace("_", " ")
         yield (
@@ -207,6 +241,9 @@ class AreaMap(Shown):
                 f"within {meters(self.limit_m)}: {part(found['within_share'])} of the area, "
                 f"possible in {part(found['possible_within_share'])}"
             )
+
+    def _remarks(self) -> Iterator[str]:
+        s, found = self.settings, self.summary()
         yield (
             f"lost runs: {found['lost_share']:.2%} of {found['runs']:,}; more than "
             f"{MANY_LOST:.0%} in {_cells(found['cells_with_many_lost'])}"
@@ -245,9 +282,6 @@ class AreaMap(Shown):
 
     def _gist(self) -> str:
         return f"of {self.receiver}, {self.grid.count:,} cells"
-
-    def _repr_html_(self) -> str:
-        return verbatim(str(self))
 
 
 def _three(values: pd.Series[float]) -> list[float]:

@@ -12,6 +12,7 @@ import numpy as np
 from sblcosim.fmus.stopping import interruptible
 from sblcosim.models import RECEIVERS
 
+from ..answer import Extended
 from ..artifacts import Other, plain
 from ..data import samples
 from ..data.estimates import Estimates
@@ -24,7 +25,7 @@ from ..scenario.overrides import Changes, pairs
 from ..scenario.scenario import Scenario, load
 from ..scenario.sources import choice_of
 from ..scenario.wiring import applied
-from ..shown import Picture, Shown
+from ..shown import Picture
 from . import model, outcome, smoother, start
 from .folder import read_run
 from .smoother import PASSES, Track
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from ..results.figures.artist import Artist
+    from ..style import ThemeName
 
 SMOOTHER = "smoother"
 """Label of the smoother in tables and figures."""
@@ -42,7 +44,7 @@ COUPLED = "coupled"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Smoothed(Shown):
+class Smoothed(Extended):
     """A run with the estimates of the smoother.
 
     Attributes
@@ -54,6 +56,8 @@ class Smoothed(Shown):
     estimates
         What is judged of it: position, velocity and covariance, also relative to the platform.
     """
+
+    document = "smooth"
 
     result: Result
     track: Track
@@ -74,6 +78,16 @@ class Smoothed(Shown):
         """NEES and flags; see `Result.summary`."""
         return self.result.summary
 
+    @property
+    def main(self) -> Result:
+        """The run."""
+        return self.result
+
+    @property
+    def remarks(self) -> list[str]:
+        """Those of the run, and how the passes have converged."""
+        return [*self.result.remarks, self._convergence()]
+
     def plot_path(self, ax: Axes | None = None) -> Picture:
         """Map of the path with all estimates."""
         return self.result.plot_path(ax)
@@ -83,11 +97,13 @@ class Smoothed(Shown):
         return self.result.to_xarray()
 
     def save(
-        self, directory: str | Path, *, figures: bool = True, other: Other = "refuse",
-        artist: Artist | None = None,
+        self, directory: str | Path, *, figures: bool = True, theme: ThemeName = "light",
+        other: Other = "refuse", artist: Artist | None = None,
     ) -> Path:
         """Write everything into a folder; see `Result.save`."""
-        return self.result.save(directory, figures=figures, other=other, artist=artist)
+        return self.result.save(
+            directory, figures=figures, theme=theme, other=other, artist=artist
+        )
 
     def to_json(self) -> dict[str, Any]:
         """As `Result.to_json`, with ``steps_m`` and ``converged``."""
@@ -98,9 +114,6 @@ class Smoothed(Shown):
         """As `Result.text`, with how the passes have converged."""
         told = self.result.text(verbose=verbose, width=width)
         return f"{told}\n\n{fitted(self._convergence(), width)}"
-
-    def __str__(self) -> str:
-        return self.text()
 
     def _gist(self) -> str:
         return f"{self.result._gist()}; {self._convergence()}"

@@ -9,11 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Literal, get_args
+from typing import Literal
 
 import numpy as np
 
 from ..data.estimates import Floats
+from ..data.tables import Columns, TableColumn
 from .definitions import (
     AXES,
     FRAMES,
@@ -27,91 +28,8 @@ from .definitions import (
     percentile_column,
 )
 
-Number = float | None
-"""Type of a number in JSON, where what is missing or not finite is null."""
 CovarianceVerdict = Literal["consistent", "optimistic", "pessimistic", "unknown"]
 """What `metrics.verdict` says of a mean NEES or NIS."""
-
-
-@dataclass(frozen=True)
-class TableColumn:
-    """A column of a table.
-
-    Parameters
-    ----------
-    name
-        In DataFrames, files and JSON; it ends with the unit.
-    description
-        What it is, as the reference and JSON schemas say it.
-    unit
-        Empty for what has none.
-    heading
-        Over the column, where the table is printed; without one, the column is not printed.
-    type
-        In JSON.
-    of
-        Its value, of what a row is made from.
-    without
-        Its value in a row that is made from no values at all.
-    sometimes
-        Whether it may be missing in JSON.
-    """
-
-    name: str
-    description: str
-    unit: str = ""
-    heading: str = ""
-    type: Any = Number
-    of: Callable[[Any], Any] | None = None
-    without: Any = np.nan
-    sometimes: bool = False
-
-    @property
-    def choices(self) -> tuple[str, ...]:
-        """The values of a column of words."""
-        given = (self.type, *get_args(self.type))
-        return tuple(word for kind in given for word in get_args(kind) if isinstance(word, str))
-
-
-@dataclass(frozen=True)
-class RunTable:
-    """A table: the columns that say what a row is about, and the others.
-
-    Attributes
-    ----------
-    part
-        Name of a row in JSON schemas.
-    about
-        What a row is, as they say it.
-    title, unit
-        Of the table, where it is printed; a heading tells another unit.
-    """
-
-    part: str
-    about: str
-    index: tuple[TableColumn, ...]
-    columns: tuple[TableColumn, ...]
-    title: str = ""
-    unit: str = "m"
-
-    @property
-    def names(self) -> list[str]:
-        """Names of the columns."""
-        return [column.name for column in self.columns]
-
-    @property
-    def printed(self) -> tuple[TableColumn, ...]:
-        """The columns that are printed."""
-        return tuple(column for column in self.columns if column.heading)
-
-    def heading(self, column: TableColumn) -> str:
-        """What is printed over a column."""
-        other = column.unit not in ("", self.unit)
-        return f"{column.heading} [{column.unit}]" if other else column.heading
-
-    def row(self, values: Floats) -> dict[str, Any]:
-        """The columns that are functions of values, (m,)."""
-        return {c.name: c.of(values) if len(values) else c.without for c in self.columns if c.of}
 
 
 RECEIVER = TableColumn("receiver", "Label of the receiver", type=str)
@@ -119,7 +37,7 @@ FRAME = TableColumn("frame", "What the error is relative to", type=Literal[FRAME
 AXIS = TableColumn("axis", "Axis of the error", heading="axis", type=Literal[(*AXES, "total")])
 LENGTH = TableColumn("length", "Which length", heading="error", type=Literal["horizontal", "total"])
 
-ERRORS = RunTable(
+ERRORS = Columns(
     "Statistics",
     "Of an error, over all estimates.",
     (RECEIVER, FRAME, AXIS),
@@ -144,7 +62,7 @@ def _percentile(p: int) -> TableColumn:
     return TableColumn(percentile_column(p), words, "m", "all" if p == 100 else f"{p} %")
 
 
-PERCENTILES = RunTable(
+PERCENTILES = Columns(
     "Percentiles",
     "Order statistics of the length of an error; of the horizontal one, p50 is CEP50.",
     (RECEIVER, FRAME, LENGTH),
@@ -192,7 +110,7 @@ CHI_SQUARES = (
     ChiSquare("nis", "NIS", "Mean NIS", None),
 )  # fmt: skip
 
-SUMMARY = RunTable(
+SUMMARY = Columns(
     "Summary",
     "Availability and consistency of a receiver; null for one that failed before the end.",
     (RECEIVER,),
@@ -282,7 +200,7 @@ def _errors() -> Iterator[TableColumn]:
         yield TableColumn(total, f"Length of the {words.lower()}", "m", of=partial(_length, frame))
 
 
-ESTIMATES = RunTable(
+ESTIMATES = Columns(
     "Estimate",
     "A valid estimate with the truth.",
     (RECEIVER,),

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from functools import cached_property
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from .. import artifacts, shown, style
+from .. import shown
+from ..catalogue import Job
 from ..judge.consistency import Verdict
 from ..layout import fitted, table
 from ..results.result import Result
-
-if TYPE_CHECKING:
-    from ..results.figures.artist import Artist
 
 
 class Recording(Result):
@@ -43,20 +39,20 @@ class Recording(Result):
         """Empty."""
         return {}
 
-    def save(
-        self,
-        directory: str | Path,
-        *,
-        figures: bool = True,
-        theme: style.ThemeName = "light",
-        other: artifacts.Other = "refuse",
-        artist: Artist | None = None,
-    ) -> Path:
-        """Write the record and the manifest into a folder; the rest as `Result.save`."""
-        return super().save(directory, figures=False, theme=theme, other=other)
+    @property
+    def answer(self) -> str:
+        """What was run."""
+        return f"{self.scenario_name}: {self.record._gist().removeprefix('of ')}"
 
-    def _write_tables(self, folder: Path, directory: str | Path) -> None:
-        artifacts.write_table(self.table, folder, "record")
+    @property
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """The record."""
+        return {"record": self.table}
+
+    @property
+    def figures(self) -> list[Job]:
+        """None."""
+        return []
 
     def text(self, *, verbose: bool = False, width: int | None = None) -> str:
         """What was run, and the last values that were recorded.
@@ -70,15 +66,12 @@ class Recording(Result):
         """
         last = self.table.iloc[-1]
         rows = [(str(name), f"{value:.10g}") for name, value in last.items() if name != "time_s"]
-        head = [
-            f"{self.scenario_name}: {self.record._gist().removeprefix('of ')}",
-            *self.remarks,
-        ]
-        lines = [*head, "", *table(rows, width, ("output", f"at {last['time_s']:g} s"))]
+        head = ("output", f"at {last['time_s']:g} s")
+        lines = [self.answer, *self.remarks, "", *table(rows, width, head)]
         return fitted("\n".join(lines), width)
 
     def _gist(self) -> str:
-        return f"{self.scenario_name}: {self.record._gist().removeprefix('of ')}"
+        return self.answer
 
     def _repr_html_(self) -> str:
         return shown.page(self.scenario_name, self.table.to_html(max_rows=10))

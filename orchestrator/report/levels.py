@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 
 import pandas as pd
 
-from ..analysis.levels import figures as plots
 from ..analysis.levels import sentences
 from ..analysis.levels.analysis import GeneralFactorial
+from ..analysis.levels.catalogue import FIGURES
 from ..judge.definitions import LOST
-from ..results.figures.catalogue import Figure, by_name
 from ..study.study import Study
 from ..words.numbers import interval, number, probability
 from ..words.shares import percent
@@ -22,37 +20,6 @@ from .two_level import factor_table
 
 MOST_ROWS = 60
 """Pairs of levels that a table of the page shows; the file has all."""
-
-
-def _of(analysis: GeneralFactorial) -> tuple[GeneralFactorial]:
-    return (analysis,)
-
-
-FIGURES: Mapping[str, Figure[GeneralFactorial]] = by_name(
-    Figure(
-        "main_effects", plots.plot_means, _of,
-        lambda a: f"{a.shown_of} at each level; bars are its interval alone." if a.by_medians else (
-            f"{a.mean_of} at each level, every combination of the others counted "
-            "once; bars are the intervals of these means alone."
-        ),
-        lambda a: f"{'Medians' if a.by_medians else 'Means'} of {a.quantity} by level of "
-        f"{', '.join(a.factors)}",
-    ),
-    Figure(
-        "pairs", plots.plot_pairs, _of,
-        lambda a: "Differences of levels, with intervals that hold for all pairs of a factor at "
-        "once: what leaves zero differs.",
-        lambda a: "Differences of pairs of levels with simultaneous intervals",
-    ),
-    Figure(
-        "interactions", plots.plot_interactions, _of,
-        lambda a: f"Interactions: mean {a.quantity} at pairs of levels. Lines that are not "
-        "parallel are an interaction.",
-        lambda a: "Interaction plots of pairs of factors",
-        lambda a: len(a.factors) > 1,
-    ),
-)  # fmt: skip
-"""The figures of a grid."""
 
 
 def parts(study: Study, analysis: GeneralFactorial, folder: Path) -> StudySections:
@@ -68,8 +35,6 @@ def parts(study: Study, analysis: GeneralFactorial, folder: Path) -> StudySectio
         [*(Text(line) for line in sentences.notes(a)), Text(DEFINITIONS),
          Text(f"Settling time: {study.settling_time_s:g} s."), factor_table(study)],
         a.runs,
-        {"anova": analysis.anova.reset_index(), "main_effects": analysis.means,
-         "medians": analysis.medians, "cells": analysis.cells, "pairs": analysis.pairs},
     )  # fmt: skip
 
 

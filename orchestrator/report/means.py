@@ -5,14 +5,18 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from .. import layout
-from ..analysis import sweep
+from .. import artifacts, layout
 from ..analysis.common import columns
-from ..results.figures.catalogue import Figure, by_name
+from ..analysis.means import analysis as sweep
+from ..analysis.means.tables import MEANS
+from ..answer import Answer
+from ..catalogue import Figure, Job, by_name, jobs
 from ..results.responses import defined, unit_of
 from ..study.study import Study
 from ..words.numbers import interval, number, quantity
@@ -22,8 +26,8 @@ from .parts import StudySections, pictures
 from .two_level import factor_table
 
 
-@dataclass(frozen=True, eq=False)
-class Means:
+@dataclass(frozen=True, eq=False, repr=False)
+class Means(Answer):
     """The mean response at each level of a sweep, or of a study without factors.
 
     Attributes
@@ -33,10 +37,13 @@ class Means:
     runs
         That were analysed.
     table
-        Of `sblcosim.analysis.sweep.means`.
-    answer
-        In a sentence or two.
+        Of `sblcosim.analysis.means.analysis.means`.
+    sentence
+        The answer.
     """
+
+    document = "analyse"
+    columns = MappingProxyType({"means": MEANS})
 
     study: Study
     response: str
@@ -44,7 +51,44 @@ class Means:
     quantity: str
     runs: int
     table: pd.DataFrame
-    answer: str
+    sentence: str
+
+    @property
+    def title(self) -> str:
+        """Of a page."""
+        return f"What the runs say: {self.study.name}"
+
+    @property
+    def answer(self) -> str:
+        """In a sentence or two."""
+        return self.sentence
+
+    @property
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """The means."""
+        return {"means": self.table}
+
+    @property
+    def figures(self) -> list[Job]:
+        """The means at each level, if there are factors."""
+        return jobs(FIGURES, self)
+
+    @property
+    def remarks(self) -> list[str]:
+        """What the response is."""
+        return [*defined(self.response)]
+
+    def to_json(self) -> dict[str, Any]:
+        """The means as plain data."""
+        plain: dict[str, Any] = artifacts.plain({
+            "response": self.response, "unit": self.unit, "answer": self.answer,
+            "runs": int(self.table["runs"].sum()), "means": MEANS.rows(self.table),
+        })  # fmt: skip
+        return plain
+
+    def manifest(self) -> dict[str, Any]:
+        """What was analysed."""
+        return {"analysis": {"response": self.response, "factors": list(self.study.factors)}}
 
     def text(self, *, verbose: bool = False, width: int | None = None) -> str:
         """The answer, then the table; as `sblcosim.analysis.two_level.analysis.Factorial.text`."""
@@ -53,7 +97,7 @@ class Means:
         rows = [[x if isinstance(x, str) else f"{x:.4g}" for x in row] for row in shown.to_numpy()]
         head = [str(name) for name in shown.columns]
         lines = [self.answer, "", *layout.table(rows, width, head, range(1, len(head))),
-                 *defined(self.response)]
+                 *self.remarks]
         return layout.fitted("\n".join(lines), width)
 
 
@@ -105,26 +149,22 @@ def _shared(study: Study) -> str:
     return f"These rows are of the same runs, all factors at the scenario's own values: {rows}."
 
 
-@dataclass(frozen=True, eq=False)
-class _Means:
-    """The means of a sweep, with the names of factors for people."""
-
-    shown: pd.DataFrame
-    quantity: str
-    own: str
-    units: Mapping[str, str]
+def _shown(means: Means) -> tuple[pd.DataFrame, str, Mapping[str, str]]:
+    """What the figure shows: the table with labels, the quantity with its unit, and units."""
+    study = means.study
+    own = f" [{means.unit}]" if means.unit else ""
+    units = {study.labels[name]: study.units[name] for name in study.factors}
+    return means.table.replace({"factor": study.labels}), f"{means.quantity}{own}", units
 
 
-def _caption(means: _Means) -> str:
+def _caption(means: Means) -> str:
     return f"Mean {means.quantity} at each level; bars are the intervals of the means."
 
 
-MEANS_FIGURES: Mapping[str, Figure[_Means]] = by_name(
+FIGURES: Mapping[str, Figure[Means]] = by_name(
     Figure(
-        "means", sweep.plot_means,
-        lambda means: (means.shown, f"{means.quantity}{means.own}", means.units),
-        _caption, _caption,
-        lambda means: bool(means.units),
+        "means", sweep.plot_means, _shown, _caption, _caption,
+        lambda means: bool(means.study.factors),
     ),
 )  # fmt: skip
 """The figures in the report of a sweep."""
@@ -141,16 +181,12 @@ def parts(means: Means, folder: Path) -> StudySections:
     ]
     head = (*(("Factor", "Level") if study.factors else ()), "Runs", f"Mean{own}",
             f"95% interval{own}", f"Standard deviation{own}")
-    units = {study.labels[name]: study.units[name] for name in study.factors}
-    subject = _Means(
-        means.table.replace({"factor": study.labels}), means.quantity, own, units
-    )
     title = f"{means.quantity[0].upper()}{means.quantity[1:]}"
     return StudySections(
-        f"What the runs say: {study.name}", means.answer, (),
-        pictures(MEANS_FIGURES, subject, folder),
+        means.title, means.answer, (),
+        pictures(FIGURES, means, folder),
         [PageTable(title, head, rows, (), _shared(study))],
-        _method(study), means.runs, {"means": means.table},
+        _method(study), means.runs,
         "Means at each level" if study.factors else "Mean",
     )  # fmt: skip
 

@@ -9,11 +9,13 @@ from typing import Any
 
 import pandas as pd
 
+from .. import artifacts
 from ..analysis.space import figures as plots
-from ..analysis.space import sentences
 from ..analysis.space.analysis import Sensitivity
+from ..analysis.space.tables import INDICES
+from ..answer import Extended
+from ..catalogue import Figure, Job, by_name, jobs
 from ..layout import fitted
-from ..results.figures.catalogue import Figure, by_name
 from ..results.responses import defined
 from ..study.study import Study
 from ..words.numbers import interval, number
@@ -32,8 +34,8 @@ METHOD = (
 )
 
 
-@dataclass(frozen=True, eq=False)
-class Indices:
+@dataclass(frozen=True, eq=False, repr=False)
+class Indices(Extended):
     """The indices of a response, and of whether its receiver is lost if some runs are.
 
     Attributes
@@ -44,6 +46,8 @@ class Indices:
         The response first.
     """
 
+    document = "analyse"
+
     study: Study
     of: tuple[Sensitivity, ...]
 
@@ -52,11 +56,32 @@ class Indices:
         """Of the response."""
         return self.of[0]
 
+    @property
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """All indices."""
+        each = [one.tables["indices"] for one in self.of]
+        return {"indices": pd.concat(each, ignore_index=True)}
+
+    @property
+    def figures(self) -> list[Job]:
+        """Indices and scatter of the response, and of whether the receiver is lost."""
+        return jobs(FIGURES, self)
+
+    @property
+    def remarks(self) -> list[str]:
+        """What must be known to read the numbers, a line each."""
+        return [line for one in self.of for line in one.remarks]
+
     def text(self, *, verbose: bool = False, width: int | None = None) -> str:
         """Answers and tables in words."""
         shown = self.of if verbose else self.of[:1]
         said = fitted("\n".join(defined(self.main.response)), width)
         return "\n".join(filter(None, ("\n\n".join(one.text(width=width) for one in shown), said)))
+
+    def to_json(self) -> dict[str, Any]:
+        """All indices as plain data."""
+        rows = artifacts.plain(INDICES.rows(self.tables["indices"]))
+        return {**self.main.to_json(), "indices": rows}
 
 
 def _figures(number: int, suffix: str) -> tuple[Figure[Indices], ...]:
@@ -91,18 +116,13 @@ def parts(indices: Indices, folder: Path) -> StudySections:
     study, main = indices.study, indices.main
     return StudySections(
         f"What explains the error: {study.name}",
-        sentences.answer(main),
-        [line for one in indices.of for line in sentences.notes(one)],
+        main.answer,
+        indices.remarks,
         pictures(FIGURES, indices, folder),
         [_table(one) for one in indices.of],
         [Text(METHOD), *([] if study.model else [Text(DEFINITIONS)]), factor_table(study)],
         main.runs,
-        {"indices": pd.concat([_rows(one) for one in indices.of], ignore_index=True)},
     )
-
-
-def _rows(sobol: Sensitivity) -> pd.DataFrame:
-    return sobol.indices.reset_index().assign(response=sobol.response, transform=sobol.transform)
 
 
 def _table(sobol: Sensitivity) -> PageTable:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import pandas as pd
 from sblcosim.fmus.stopping import interruptible
@@ -17,12 +16,15 @@ from ..analysis import covariance, workflow
 from ..analysis.common import columns
 from ..analysis.common.options import Error, Transform
 from ..analysis.levels.analysis import GeneralFactorial
-from ..analysis.two_level import saving
+from ..analysis.tables import VERDICTS
+from ..answer import Extended
+from ..data.tables import Columns
 from ..errors import ConfigurationError
 from ..judge.consistency import TELLING
 from ..judge.definitions import FRAME_WORDS
 from ..study import store
 from ..study.study import Study, load, shipped, study_of
+from ..style import ThemeName
 from ..words.lists import plural
 from ..words.numbers import interval, number
 from . import levels, means, points, possible, space
@@ -30,7 +32,7 @@ from . import two_level as factorial
 from .common import DEFINITIONS, as_toml, method, reproduce, seeding
 from .means import Means
 from .page import Block, Page, PagePicture, PageTable, Section, Text, render
-from .parts import StudySections
+from .parts import StudySections, pictures
 from .space import Indices
 from .two_level import Findings
 from .two_level_figures import FIGURES
@@ -38,10 +40,79 @@ from .two_level_figures import FIGURES
 REPORT = "report.html"
 
 
+@dataclass(frozen=True, eq=False, repr=False)
+class Analysis(Extended):
+    """What the runs of a study say: the analysis that its design asks for, with its page.
+
+    Attributes
+    ----------
+    found
+        Of a two-level design, a grid, a space, or a sweep and a study without factors.
+    source
+        Where the runs are from.
+    """
+
+    document = "analyse"
+    report = REPORT
+
+    found: Findings | GeneralFactorial | Indices | Means
+    source: Source
+
+    @property
+    def main(self) -> Findings | GeneralFactorial | Indices | Means:
+        """What was found, without the page."""
+        return self.found
+
+    @property
+    def columns(self) -> dict[str, Columns]:
+        """Of the tables, declared, by the names of their files."""
+        return {**self.found.columns, "consistency": VERDICTS}
+
+    @property
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """With the verdicts on covariances, if there are any."""
+        verdicts = self.source.verdicts
+        return {**self.found.tables, **({"consistency": verdicts} if len(verdicts) else {})}
+
+    def to_json(self) -> dict[str, Any]:
+        """What was found as plain data; what belongs to other designs is empty."""
+        return {**_BLANK, **self.found.to_json()}
+
+    def manifest(self) -> dict[str, Any]:
+        """What was analysed."""
+        if isinstance(self.found, Findings):
+            return self.found.manifest()
+        about = {"response": self.source.column, "factors": list(self.source.study.factors)}
+        return {"analysis": about}
+
+    def write(
+        self, folder: Path, theme: ThemeName = "light", figures: bool = True
+    ) -> None:
+        """With the page."""
+        super().write(folder, theme, figures)
+        found, source = self.found, self.source
+        if isinstance(found, Findings):
+            page = _factorial_page(found, folder, source)
+        elif isinstance(found, GeneralFactorial):
+            page = _page(levels.parts(source.study, found, folder), source)
+        elif isinstance(found, Indices):
+            page = _page(space.parts(found, folder), source)
+        else:
+            page = _page(means.parts(found, folder), source)
+        (folder / REPORT).write_text(render(page), "utf-8")
+
+
+_BLANK: Mapping[str, Any] = {
+    "transform": "none", "method": None, "confidence": 0.95, "dropped": 0, "left_out": None,
+    "r2": None, "effects": [], "means": [], "levels": [], "medians": [], "pairs": [],
+    "indices": [], "notes": [],
+}  # fmt: skip
+"""What an analysis does not say."""
+
+
 @interruptible
-def save(
+def analysed(
     results: str | Path,
-    directory: str | Path,
     response: str | None = None,
     *,
     receiver: str | None = None,
@@ -50,8 +121,8 @@ def save(
     error: Error = "pure",
     practical: float | None = None,
     command: str = "",
-) -> Findings | Means | GeneralFactorial | Indices:
-    """Analyse a study; write its tables, figures and report into a folder.
+) -> Analysis:
+    """Analyse a study as its design asks for.
 
     Parameters
     ----------
@@ -59,50 +130,48 @@ def save(
         As in `sblcosim.analysis.of_study`; default of the response: `RESPONSE`, or what a function
         returns.
     command
-        The command line, for the report.
-
-    Returns
-    -------
-    Findings, GeneralFactorial, Indices or Means
-        Of a two-level design, a grid, a space, or a sweep and a study without factors.
+        The command line, for the page.
 
     Raises
     ------
     ConfigurationError
-        There are no runs, or they cannot be analysed so; nothing is written then.
+        There are no runs, or they cannot be analysed so.
     """
     results = Path(results)
     study = study_of(results)
     response = response or columns.default_response(study)
     table = store.table(results, columns.needed(study, response, receiver))
     has_points = study.sample is None and study.model is None
-    source = _Source(
+    if study.design.kind in ("grid", "space"):
+        _check_options(study, order=order, error=error, practical=practical)
+    column = columns.column_of(table, response, receiver)
+    source = Source(
         study,
+        column,
         int(table["error"].notna().sum()),
         covariance.by_point(table, list(study.varied)) if has_points else pd.DataFrame(),
         _again(study, results, command or shlex.join(["sblcosim", "analyse", str(results)])),
         points.tables(study, table) if has_points else [],
         possible.tables(study, table) if has_points else [],
     )
-    if study.design.kind in ("grid", "space"):
-        _check_options(study, order=order, error=error, practical=practical)
-    column = columns.column_of(table, response, receiver)
+    return Analysis(_found(study, table, column, order, transform, error, practical), source)
+
+
+def _found(
+    study: Study, table: pd.DataFrame, column: str, order: int | None,
+    transform: Transform | None, error: Error, practical: float | None,
+) -> Findings | GeneralFactorial | Indices | Means:
+    """What the runs say of a column of their table."""
     if study.design.kind == "space":
-        indices = Indices(
-            study, workflow.of_space(study, table, column, transform=transform)
-        )
-        return _save_parts(indices, directory, source, column, partial(space.parts, indices))
+        return Indices(study, workflow.of_space(study, table, column, transform=transform))
     if study.design.kind == "grid":
-        found = workflow.of_grid(study, table, column, order=order, transform=transform or "none",
-                                 practical=practical)
-        return _save_parts(found, directory, source, column, partial(levels.parts, study, found))
+        return workflow.of_grid(study, table, column, order=order, transform=transform or "none",
+                                practical=practical)
     plain = order is None and transform is None and error == "pure" and practical is None
     if study.design.kind in workflow.FACTORIAL or not plain:
-        findings = factorial.find(study, table, column, order=order, transform=transform or "none",
-                                  error=error, practical=practical)
-        return _save_factorial(findings, directory, source)
-    made = means.find(study, table, column)
-    return _save_parts(made, directory, source, column, partial(means.parts, made))
+        return factorial.find(study, table, column, order=order, transform=transform or "none",
+                              error=error, practical=practical)
+    return means.find(study, table, column)
 
 
 def _check_options(
@@ -118,11 +187,13 @@ def _check_options(
 
 
 @dataclass(frozen=True, eq=False)
-class _Source:
+class Source:
     """Where the runs are from.
 
     Attributes
     ----------
+    column
+        Of the table of runs: the response.
     failed
         Number of runs that failed.
     verdicts
@@ -136,6 +207,7 @@ class _Source:
     """
 
     study: Study
+    column: str
     failed: int
     verdicts: pd.DataFrame
     again: Section
@@ -143,51 +215,24 @@ class _Source:
     possible: list[Block]
 
 
-Found = TypeVar("Found")
+def _page(own: StudySections, source: Source) -> Page:
+    """The page of any design but a two-level one."""
+    summary = [Text(own.answer, "answer"), *(Text(line, "note") for line in own.warnings)]
+    return Page(
+        own.title,
+        _lead(source.study, own.runs, source.failed),
+        [
+            Section("Summary", "summary", summary),
+            *([_figures(own.pictures)] if own.pictures else []),
+            _tables(source, Section(own.heading, "numbers", own.tables)),
+            Section("Method", "method", own.method, folded=True),
+            source.again,
+        ],
+        f"sblcosim {artifacts.software()['sblcosim']}",
+    )
 
 
-def _save_parts(
-    found: Found, directory: str | Path, source: _Source, column: str,
-    made: Callable[[Path], StudySections],
-) -> Found:
-    """Write the report of any design but a two-level one."""
-    about = {"analysis": {"response": column, "factors": list(source.study.factors)}}
-    with artifacts.folder(directory, about) as folder:
-        own = made(folder)
-        own.write(folder)
-        _write_verdicts(source, folder)
-        summary = [Text(own.answer, "answer"), *(Text(line, "note") for line in own.warnings)]
-        page = Page(
-            own.title,
-            _lead(source.study, own.runs, source.failed),
-            [
-                Section("Summary", "summary", summary),
-                *([_figures(own.pictures)] if own.pictures else []),
-                _tables(source, Section(own.heading, "numbers", own.tables)),
-                Section("Method", "method", own.method, folded=True),
-                source.again,
-            ],
-            f"sblcosim {artifacts.software()['sblcosim']}",
-        )
-        (folder / REPORT).write_text(render(page), "utf-8")
-    return found
-
-
-def _save_factorial(findings: Findings, directory: str | Path, source: _Source) -> Findings:
-    with artifacts.folder(directory, saving.about(findings.data)) as folder:
-        saving.write(findings.data, folder)
-        _write_verdicts(source, folder)
-        page = _factorial_page(findings, folder, source)
-        (folder / REPORT).write_text(render(page), "utf-8")
-    return findings
-
-
-def _write_verdicts(source: _Source, folder: Path) -> None:
-    if len(source.verdicts):
-        artifacts.write_table(source.verdicts, folder, "consistency")
-
-
-def _covariances(source: _Source) -> list[Block]:
+def _covariances(source: Source) -> list[Block]:
     """Whether the covariances are right, as a table."""
     rows = [
         (
@@ -256,7 +301,7 @@ def _lead(study: Study, runs: int, failed: int) -> str:
     return f"{text}; {failed} of them failed." if failed else f"{text}."
 
 
-def _factorial_page(findings: Findings, folder: Path, source: _Source) -> Page:
+def _factorial_page(findings: Findings, folder: Path, source: Source) -> Page:
     study, a = findings.study, findings.shown
     how: list[Block] = [
         Text(method(a)), Text(DEFINITIONS),
@@ -269,7 +314,7 @@ def _factorial_page(findings: Findings, folder: Path, source: _Source) -> Page:
         _lead(study, a.runs, source.failed),
         [
             Section("Summary", "summary", factorial.summary(findings)),
-            _figures(_pictures(findings, folder)),
+            _figures(pictures(FIGURES, findings, folder)),
             _tables(source, Section("Effects and model", "effects", factorial.tables(findings))),
             Section("Method", "method", how, folded=True),
             source.again,
@@ -286,7 +331,7 @@ def _figures(pictures: Sequence[PagePicture], seen: int = 2) -> Section:
     return Section("Figures", "figures", pictures[:seen], more)
 
 
-def _tables(source: _Source, first: Section) -> Section:
+def _tables(source: Source, first: Section) -> Section:
     """All tables, folded but for their headings."""
     parts = [
         first,
@@ -297,18 +342,3 @@ def _tables(source: _Source, first: Section) -> Section:
     return Section(
         "Tables", "tables", parts=[replace(part, folded=True) for part in parts if part.blocks]
     )
-
-
-def _pictures(findings: Findings, folder: Path) -> list[PagePicture]:
-    """The figures of the analysis; those in the folder already are not drawn again."""
-    pictures = []
-    for name, figure in FIGURES.items():
-        file = folder / f"{name}.svg"
-        if file.exists():
-            svg = file.read_text("utf-8")
-        elif figure.condition(findings):
-            svg = figure.job(findings).svg()
-        else:
-            continue
-        pictures.append(PagePicture(name, svg, figure.caption(findings), figure.alt(findings)))
-    return pictures

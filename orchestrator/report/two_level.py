@@ -16,6 +16,7 @@ from ..analysis.two_level.box_cox import box_cox
 from ..analysis.two_level.power import detectable
 from ..analysis.two_level.sentences import answer, limit_of
 from ..analysis.workflow import AnalysisOptions, of_table
+from ..answer import Extended
 from ..errors import ConfigurationError
 from ..study.design import shown as level_shown
 from ..study.study import Study
@@ -46,8 +47,8 @@ MAX_LISTED = 3
 """Most undecided effects that a sentence lists."""
 
 
-@dataclass(frozen=True, eq=False)
-class Findings:
+@dataclass(frozen=True, eq=False, repr=False)
+class Findings(Extended):
     """All analyses of a factorial study.
 
     Attributes
@@ -64,6 +65,8 @@ class Findings:
         Reasons for each of these that is None.
     """
 
+    document = "analyse"
+
     study: Study
     data: Factorial
     shown: Factorial
@@ -73,9 +76,10 @@ class Findings:
     detectable: pd.Series[float]
     missing: tuple[str, ...]
 
-    def text(self, *, verbose: bool = False, width: int | None = None) -> str:
-        """As `sblcosim.analysis.two_level.analysis.Factorial.text`."""
-        return self.data.text(verbose=verbose, width=width)
+    @property
+    def main(self) -> Factorial:
+        """The analysis with the columns' names."""
+        return self.data
 
 
 def find(

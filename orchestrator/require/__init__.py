@@ -11,17 +11,17 @@ from typing import TYPE_CHECKING
 from .. import lazy
 
 if TYPE_CHECKING:
-    from .answer import Answer
     from .question import Question, load, shipped
+    from .result import Requirement
     from .run import decide
 
-__all__ = ["Answer", "Question", "decide", "load", "shipped"]
+__all__ = ["Question", "Requirement", "decide", "load", "shipped"]
 
 if not TYPE_CHECKING:  # a checker would take any name for one of ours
     _get, __dir__ = lazy.names(
         __name__,
         {
-            "Answer": "answer", "Question": "question", "load": "question",
+            "Question": "question", "Requirement": "result", "load": "question",
             "shipped": "question", "decide": "run",
         },
     )  # fmt: skip

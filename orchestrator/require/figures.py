@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..results.figures.drawing import free_places
 from ..style import LINES, SMALL, Theme, ThemeName, new_figure, use
 from ..words.shares import percent
-from .answer import Answer
+from .result import Requirement
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,7 +28,7 @@ _WIDE, _NARROW, _HEIGHT = 6.4, 3.7, 4.2
 
 
 def plot_front(
-    answer: Answer, ax: Axes | None = None, theme: ThemeName = "light", *, narrow: bool = False
+    answer: Requirement, ax: Axes | None = None, theme: ThemeName = "light", *, narrow: bool = False
 ) -> Axes:
     """Cost against the value that the required share of the runs is within.
 
@@ -85,12 +85,12 @@ def plot_front(
     return ax
 
 
-def plot_narrow(answer: Answer, theme: ThemeName = "light") -> Axes:
+def plot_narrow(answer: Requirement, theme: ThemeName = "light") -> Axes:
     """`plot_front` for a narrow page."""
     return plot_front(answer, theme=theme, narrow=True)
 
 
-def _places(answer: Answer) -> pd.DataFrame:
+def _places(answer: Requirement) -> pd.DataFrame:
     """The designs with their place on the horizontal axis."""
     if answer.question.costs:
         return answer.designs.assign(x=answer.designs["cost"])
@@ -98,7 +98,7 @@ def _places(answer: Answer) -> pd.DataFrame:
     return answer.designs.assign(x=order)
 
 
-def _designs(ax: Axes, answer: Answer, at: pd.DataFrame, look: Theme) -> None:
+def _designs(ax: Axes, answer: Requirement, at: pd.DataFrame, look: Theme) -> None:
     """The designs with a finite value; those that are named or suffice are larger."""
     for verdict, (marker, number) in _LOOKS.items():
         every = at[at["verdict"] == verdict]
@@ -119,7 +119,7 @@ def _designs(ax: Axes, answer: Answer, at: pd.DataFrame, look: Theme) -> None:
                     label=f"{verdict} ({len(every)}{hidden})")
 
 
-def _beyond(ax: Axes, answer: Answer, at: pd.DataFrame, look: Theme) -> pd.DataFrame:
+def _beyond(ax: Axes, answer: Requirement, at: pd.DataFrame, look: Theme) -> pd.DataFrame:
     """Arrows for the designs without a finite value; all designs, these ones at the upper edge."""
     top = ax.get_ylim()[1]
     ax.set_ylim(top=top)
@@ -146,7 +146,7 @@ def _logarithmic(ax: Axes) -> None:
     ax.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
 
 
-def _letter(ax: Axes, answer: Answer, at: pd.DataFrame, look: Theme) -> None:
+def _letter(ax: Axes, answer: Requirement, at: pd.DataFrame, look: Theme) -> None:
     """A ring around the design that the answer is about, and letters at all that it names."""
     known = at[np.isfinite(at["estimate"])]
     letters = {row: letter for row, letter in answer.letters.items() if row in known.index}
@@ -169,7 +169,7 @@ def _letter(ax: Axes, answer: Answer, at: pd.DataFrame, look: Theme) -> None:
         ax.text(left, up, letter, fontsize=SMALL, fontweight="bold", **place)
 
 
-def _key(answer: Answer, narrow: bool) -> list[str]:
+def _key(answer: Requirement, narrow: bool) -> list[str]:
     """What the letters stand for, line by line."""
     lines = [
         re.sub(r"(?<=\d) ", "\u00a0", f"{letter}  {answer.roles[row]}: {answer.priced(row)}")

@@ -3,50 +3,33 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Sequence
+from dataclasses import replace
 from math import inf
 from pathlib import Path
 
 import pandas as pd
 
-from .. import artifacts, style
+from .. import artifacts
 from ..report.common import as_toml
 from ..report.page import Block, Code, Page, PagePicture, PageTable, Section, Text, render
+from ..report.parts import pictures
 from ..words.numbers import bounds, figure
 from ..words.shares import percent
-from .answer import Answer
-from .figures import plot_front, plot_narrow
 from .question import shipped
-
-REPORT, SCENARIO = "report.html", "scenario.toml"
-FRONT, NARROW = "front", "front_narrow"
-"""The figure, for a wide page and for a narrow one."""
+from .result import FIGURES, REPORT, SCENARIO, Requirement
 
 
-def save(answer: Answer, directory: str | Path) -> Path:
-    """Write an answer into a folder.
+def write(answer: Requirement, folder: Path) -> None:
+    """Write the page, and the scenario of the design that surely suffices, into a folder.
 
-    The file `SCENARIO` is there if a design surely suffices, the table of conditions if there are
-    several, the figures if there are runs.
+    The figures are there already.
     """
-    q = answer.question
-    about = {"question": q.terms.model_dump() | {"name": q.study.name}}
-    with artifacts.folder(directory, about) as folder:
-        artifacts.write_table(answer.designs, folder, "designs")
-        if len(q.conditions) > 1:
-            artifacts.write_table(_in_conditions(answer), folder, "conditions")
-        drawn = []
-        if answer.spent:
-            style.save(plot_front(answer), folder, FRONT)
-            style.save(plot_narrow(answer), folder, NARROW)
-            drawn = [(folder / f"{name}.svg").read_text("utf-8") for name in (FRONT, NARROW)]
-        if answer.chosen is not None:
-            (folder / SCENARIO).write_text(_scenario(answer, folder), "utf-8")
-        (folder / REPORT).write_text(render(_page(answer, drawn)), "utf-8")
-    return Path(directory)
+    if answer.chosen is not None:
+        (folder / SCENARIO).write_text(_scenario(answer, folder), "utf-8")
+    (folder / REPORT).write_text(render(_page(answer, folder)), "utf-8")
 
 
-def _scenario(answer: Answer, folder: Path | None) -> str:
+def _scenario(answer: Requirement, folder: Path | None) -> str:
     worst = answer.of(answer.named)["condition"]
     lines = [
         f"# {answer.question.study.title or answer.question.study.name}",
@@ -56,9 +39,10 @@ def _scenario(answer: Answer, folder: Path | None) -> str:
     return "\n".join([*lines, "", answer.scenario.dump_toml(folder)])
 
 
-def _page(answer: Answer, drawn: Sequence[str]) -> Page:
+def _page(answer: Requirement, folder: Path) -> Page:
     q, study = answer.question, answer.question.study
     first, *rest = answer.sentences()
+    drawn = pictures(FIGURES, answer, folder)
     summary: list[Block] = [Text(first, "answer"), *map(Text, rest)]
     met = len(q.conditions)
     return Page(
@@ -82,20 +66,13 @@ def _page(answer: Answer, drawn: Sequence[str]) -> Page:
     )  # fmt: skip
 
 
-def _front(answer: Answer, wide: str, narrow: str) -> Section:
+def _front(answer: Requirement, wide: PagePicture, narrow: PagePicture) -> Section:
     """The figure."""
     what = "Cost and accuracy" if answer.question.costs else "Accuracy"
-    alt = f"{what} of {len(answer.designs)} designs. {answer.sentences()[0]}"
-    caption = (
-        f"{what} of all designs: the value that {percent(answer.question.terms.share)} of the "
-        "runs are within; bars reach to the bounds that are claimed. Letters: the designs that the "
-        "answer names."
-    )
-    picture = PagePicture(FRONT, wide, caption, alt, PagePicture(NARROW, narrow, caption, alt))
-    return Section(what, "front", [picture])
+    return Section(what, "front", [replace(wide, narrow=narrow)])
 
 
-def _conditions(answer: Answer) -> Section:
+def _conditions(answer: Requirement) -> Section:
     """The conditions, and how the designs that are named do in each."""
     q, study = answer.question, answer.question.study
     how = {
@@ -125,14 +102,7 @@ def _conditions(answer: Answer) -> Section:
     return Section("Conditions", "conditions", blocks)
 
 
-def _in_conditions(answer: Answer) -> pd.DataFrame:
-    """All designs in each condition, with their levels."""
-    levels = answer.designs[[*answer.question.study.factors]]
-    own = levels.loc[answer.arms["design"]].reset_index(drop=True)
-    return own.join(answer.arms.drop(columns="design"))
-
-
-def _table(answer: Answer, designs: pd.DataFrame, caption: str) -> PageTable:
+def _table(answer: Requirement, designs: pd.DataFrame, caption: str) -> PageTable:
     head, rows = answer.table(designs)
     note = (
         f"Surely: bounds of the value that {percent(answer.question.terms.share)} are within, "
@@ -156,12 +126,12 @@ _METHOD = (
 )
 
 
-def _duration(answer: Answer) -> str:
+def _duration(answer: Requirement) -> str:
     duration = answer.scenario.time.duration_s
     return "until the path's end" if duration == "path" else f"{duration:g} s"
 
 
-def _again(answer: Answer) -> Section:
+def _again(answer: Requirement) -> Section:
     study = answer.question.study
     source = study.name if study.name in shipped() else shlex.quote(f"{study.name}.toml")
     blocks: list[Block] = [

@@ -19,8 +19,8 @@ from ..scenario.files import naming_files
 from ..simulation.how import HOW, How
 from ..study import executors, parts, runner, store
 from ..study.campaign import Campaign, Run, prepare
-from .answer import Answer
 from .question import Question, load, passable
+from .result import Requirement
 from .sequential import Batch, Elimination
 from .weighing import answered
 
@@ -41,7 +41,7 @@ def decide(
     executor: str | Executor = "threads",
     scheduler: str | None = None,
     progress: Callable[[float], None] | None = None,
-) -> Answer:
+) -> Requirement:
     """Answer a question; runs that are in the folder already are not done again.
 
     The answer depends neither on the executor nor on the number of workers.
@@ -79,9 +79,7 @@ def decide(
         asked, out / RUNS, How(None, None, workers, executor, scheduler, progress), until_sure
     )
     found = answered(asked, elimination, values, workers)
-    from .report import save
-
-    save(found, out / ANSWER)
+    found.save(out / ANSWER, other="replace")
     return found
 
 

@@ -12,9 +12,9 @@ from sblcosim.models import RECEIVERS
 
 from ..scenario.scenario import Scenario, Source, load
 from ..scenario.sources import choose
-from .answer import Answer
 from .limiting import Limiting, limiting
 from .question import Question, passable
+from .result import Requirement
 from .sequential import Decision, Elimination, percentile
 
 Floats = NDArray[np.float64]
@@ -25,7 +25,7 @@ def answered(
     elimination: Elimination,
     values: Mapping[tuple[int, int], Floats],
     workers: int | None = None,
-) -> Answer:
+) -> Requirement:
     """The answer that follows from the runs.
 
     Parameters
@@ -61,7 +61,7 @@ def answered(
     limits = Limiting(float("nan"), {}, ())
     if elimination.spent:
         limits = limiting(scenario, receiver, about, rank, question.terms.limit, workers)
-    return Answer(
+    return Requirement(
         question, designs.drop(columns="worst"), arms, elimination.spent, chosen, cheaper, nearest,
         limits, scenario, elimination.prices is not None,
     )  # fmt: skip
@@ -70,7 +70,7 @@ def answered(
 def _arms(
     question: Question, elimination: Elimination, values: Mapping[tuple[int, int], Floats]
 ) -> pd.DataFrame:
-    """One row per design and condition, as `Answer.arms`."""
+    """One row per design and condition, as `Requirement.arms`."""
     rows = []
     for number in range(len(question.designs)):
         for at, condition in enumerate(question.conditions):
@@ -90,7 +90,7 @@ def _arms(
 
 
 def _table(question: Question, elimination: Elimination, arms: pd.DataFrame) -> pd.DataFrame:
-    """One row per design, as `Answer.designs`, and ``worst``: the number of its condition."""
+    """One row per design, as `Requirement.designs`, and ``worst``: the number of its condition."""
     rows, met = [], len(question.conditions)
     every: list[Any] = arms.to_dict(orient="records")
     for number, design in enumerate(question.designs):

@@ -10,17 +10,19 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from .. import artifacts, style
+from ..answer import Answer
+from ..catalogue import Figure, Job, by_name, jobs
 from ..data.description import RunDescription
 from ..data.record import frame_of
 from ..data.truth import of_record
 from ..judge import metrics, possible
+from ..judge.columns import TABLES
 from ..judge.consistency import NEES_COLUMNS, Verdict, of_runs
 from ..lazy import Module
 from ..scenario.labels import RAW
-from ..shown import Picture, Shown
+from ..shown import Picture
 from . import more, notebook, text
 from .figures.artist import drawing
-from .figures.catalogue import Figure, by_name, jobs
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -51,7 +53,7 @@ FIGURES: Mapping[str, Figure[Result]] = by_name(
 """The figures in the folder of a run."""
 
 
-class Result(Shown):
+class Result(Answer):
     """A finished run.
 
     Parameters
@@ -83,6 +85,9 @@ class Result(Shown):
     >>> result.errors.rms_m["ekf", "absolute", "total"]  # doctest: +SKIP
     >>> result.plot_path().figure.savefig("path.png")        # doctest: +SKIP
     """
+
+    document = "run"
+    columns = TABLES
 
     def __init__(
         self,
@@ -283,6 +288,29 @@ class Result(Shown):
 
         return dataset(self.description, self.record, self.estimates)
 
+    @property
+    def answer(self) -> str:
+        """A verdict for each receiver, a line each."""
+        return "\n".join(text.verdicts(self))
+
+    @property
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """All that a run has: the record, the estimates, and what is said of them."""
+        each = [table.assign(receiver=name) for name, table in self.estimates.items()]
+        estimates = pd.concat(each, ignore_index=True)
+        estimates.insert(0, "receiver", estimates.pop("receiver"))
+        made = {f"{MADE}{name}": frame_of(it.columns()) for name, it in self.made.items()}
+        return {
+            "record": self.table, "estimates": estimates, **made,
+            "errors": self.errors.reset_index(), "percentiles": self.percentiles.reset_index(),
+            "summary": self.summary.reset_index(),
+        }
+
+    @property
+    def figures(self) -> list[Job]:
+        """Those that this run has."""
+        return jobs(FIGURES, self)
+
     def save(
         self,
         directory: str | Path,
@@ -292,46 +320,23 @@ class Result(Shown):
         other: artifacts.Other = "refuse",
         artist: Artist | None = None,
     ) -> Path:
-        """Write the record, estimates, tables, manifest and figures into a folder.
-
-        The folder appears when it is complete. An earlier result of the same run is replaced.
+        """As `Answer.save`, with the scenario and, if it has a place on Earth, the paths there.
 
         Parameters
         ----------
-        other
-            What to do if the folder holds the result of another run: ``"refuse"``, ``"replace"``,
-            or ``"number"``, which appends the next free number.
         artist
             Draws the figures meanwhile; see `sblcosim.results.figures.artist.forked_artist`.
-
-        Returns
-        -------
-        Path
-            The folder.
-
-        Raises
-        ------
-        ConfigurationError
-            The path holds something else, or the theme does not exist.
         """
         style.named(theme)
-        with artifacts.draft(directory, self._manifest(), other) as draft:
-            drawn = jobs(FIGURES, self) if figures else []
+        with artifacts.draft(directory, self.manifest(), other) as draft:
+            drawn = self.figures if figures else []
             with drawing(drawn, draft.folder, theme, artist):
                 self._write_tables(draft.folder, directory)
-        return Path(directory).with_name(draft.path.name)
+        return draft.saved
 
     def _write_tables(self, folder: Path, directory: str | Path) -> None:
-        artifacts.write_table(self.table, folder, "record")
-        tables = [table.assign(receiver=name) for name, table in self.estimates.items()]
-        estimates = pd.concat(tables, ignore_index=True)
-        estimates.insert(0, "receiver", estimates.pop("receiver"))
-        artifacts.write_table(estimates, folder, "estimates")
-        for name, made in self.made.items():
-            artifacts.write_table(frame_of(made.columns()), folder, f"{MADE}{name}")
-        artifacts.write_table(self.errors.reset_index(), folder, "errors")
-        artifacts.write_table(self.percentiles.reset_index(), folder, "percentiles")
-        artifacts.write_table(self.summary.reset_index(), folder, "summary")
+        for name, table in self.tables.items():
+            artifacts.write_table(table, folder, name)
         if hasattr(self.scenario, "dump_toml"):
             (folder / "scenario.toml").write_text(self._scenario_file(directory), "utf-8")
         if getattr(self.scenario, "place", None) is not None:
@@ -353,7 +358,8 @@ class Result(Shown):
             return file
         return f"# The receiver of the run, {python}, was in Python; [receiver] is another.\n{file}"
 
-    def _manifest(self) -> dict[str, Any]:
+    def manifest(self) -> dict[str, Any]:
+        """What was run."""
         about = self.description.manifest()
         return {**about, "failures": self.failures} if self.failures else about
 
@@ -388,9 +394,6 @@ class Result(Shown):
             Columns to fit into; None: sentences are not wrapped.
         """
         return text.of_run(self, verbose, width)
-
-    def __str__(self) -> str:
-        return self.text()
 
     def _gist(self) -> str:
         return notebook.gist(self)

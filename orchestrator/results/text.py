@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 import pandas as pd
 
+from ..data.tables import Columns, TableColumn
 from ..judge import possible
-from ..judge.columns import CHI_SQUARES, ERRORS, PERCENTILES, RunTable, TableColumn
+from ..judge.columns import CHI_SQUARES, ERRORS, PERCENTILES
 from ..judge.consistency import COVARIANCES, Verdict
 from ..judge.definitions import AXES, FRAMES, Judged
 from ..layout import WIDTH, fitted
@@ -211,7 +212,7 @@ def percentiles(
 
 
 def _blocks(
-    declared: RunTable, table: pd.DataFrame, receivers: Sequence[str], least: int, width: int
+    declared: Columns, table: pd.DataFrame, receivers: Sequence[str], least: int, width: int
 ) -> Iterator[str]:
     """A table for as many frames as fit beside each other, then one for the next.
 

@@ -22,20 +22,24 @@ The bounds are those of `sblcosim.analysis.common.bounds`.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from html import escape
 from math import inf
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ... import layout
+from ... import artifacts, layout
+from ...answer import Answer
+from ...catalogue import Job
 from ...errors import ConfigurationError, nearest
 from ...judge.definitions import LOST
+from ...lazy import Module
 from ...results.responses import ORDER_STATISTIC, check_limit
-from ...shown import Shown, folded, page, verbatim
+from ...shown import folded, page, verbatim
 from ...study.design import Level
 from ...study.design import shown as level_shown
 from ...words.numbers import figure, ordinal
@@ -43,6 +47,9 @@ from ...words.shares import percent
 from ..common.bounds import LEAST_RUNS, mean_bound, percentile_bound, runs_to_see, share_bound
 from ..common.runs import check_columns
 from .costs import of_column
+from .tables import POINTS
+
+drawings: Any = Module("sblcosim.analysis.advice.figures")
 
 Floats = NDArray[np.float64]
 PERCENTILE = 90.0
@@ -90,7 +97,7 @@ class Criterion:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Advice(Shown, Criterion):
+class Advice(Answer, Criterion):
     """The design points by cost.
 
     Attributes
@@ -111,13 +118,30 @@ class Advice(Shown, Criterion):
         Factors that no cost was given for.
     beside
         The other question, answered from the same runs; None without a limit.
+    labels, label
+        Of the factors and of the response, for people; what is printed or drawn has them.
     """
+
+    document = "advise"
+    columns = MappingProxyType({"points": POINTS})
 
     points: pd.DataFrame
     chosen: int | None
     runs_needed: int
     free: tuple[str, ...] = ()
     beside: Advice | None = None
+    labels: Mapping[str, str] = field(default_factory=dict)
+    label: str = ""
+
+    @property
+    def readable(self) -> Advice:
+        """The same with `labels` and `label` instead of the columns' names, for people."""
+        return self.named(self.labels, self.label or self.response)
+
+    def labelled(self, labels: Mapping[str, str], label: str) -> Advice:
+        """The same with labels for people."""
+        beside = None if self.beside is None else self.beside.labelled(labels, label)
+        return replace(self, labels=labels, label=label, beside=beside)
 
     def named(self, labels: Mapping[str, str], response: str) -> Advice:
         """The same for people to read: other names for factors and response."""
@@ -129,6 +153,8 @@ class Advice(Shown, Criterion):
             free=tuple(names[name] for name in self.free),
             points=self.points.rename(columns=names),
             beside=None if self.beside is None else self.beside.named(labels, response),
+            labels={},
+            label="",
         )
 
     @property
@@ -136,9 +162,57 @@ class Advice(Shown, Criterion):
         """Runs that are missing, at the point with the fewest, for there to be a bound."""
         return max(0, self.runs_needed - int(self.points["runs"].min()))
 
+    @property
+    def title(self) -> str:
+        """Of a page."""
+        return f"Designs by cost and {self.readable.statistic}"
+
+    @property
     def answer(self) -> str:
         """What to buy, in a few sentences: by a percentile first, then by the mean."""
-        return " ".join(self._answers())
+        return " ".join(self.readable._answers())
+
+    @property
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """The points."""
+        return {"points": self.points}
+
+    @property
+    def figures(self) -> list[Job]:
+        """Cost against accuracy."""
+        return [Job("front", drawings.later("plot_front"), (self.readable,))]
+
+    @property
+    def remarks(self) -> list[str]:
+        """What must be known to read the numbers, a line each."""
+        return self.readable._notes()
+
+    def to_json(self) -> dict[str, Any]:
+        """The points by cost, and the other question, as plain data."""
+        beside = None if self.beside is None else self.beside._told()
+        plain: dict[str, Any] = artifacts.plain({**self._told(), "beside": beside})
+        return plain
+
+    def _told(self) -> dict[str, Any]:
+        levels = self.points[list(self.factors)].to_dict(orient="records")
+        rows = POINTS.rows(self.points)
+        return {
+            "answer": self.readable.own_answer(), "response": self.response, "unit": self.unit,
+            "limit": self.limit, "percentile": self.percentile,
+            "contamination": self.contamination, "confidence": self.confidence,
+            "chosen": self.chosen, "runs_needed": self.runs_needed, "missing": self.missing,
+            "free": self.free,
+            "points": [{"levels": of, **row} for of, row in zip(levels, rows, strict=True)],
+        }  # fmt: skip
+
+    def manifest(self) -> dict[str, Any]:
+        """What was asked."""
+        return {
+            "advice": {
+                "response": self.response, "limit": self.limit, "percentile": self.percentile,
+                "contamination": self.contamination, "confidence": self.confidence,
+            }
+        }  # fmt: skip
 
     def _answers(self) -> list[str]:
         both = [self] if self.beside is None else [self, self.beside]
@@ -216,24 +290,22 @@ class Advice(Shown, Criterion):
         width
             Columns to fit into; None: sentences are not wrapped.
         """
-        shown = self._shown()
+        it = self.readable
+        shown = it._shown()
         rows = [
             [_cost(x) if isinstance(x, float) else _words(x) for x in row]
             for row in shown.itertuples(index=False)
         ]
         head = [str(name) for name in shown.columns]
         lines = [
-            *self._answers(),
+            *it._answers(),
             "",
-            f"By the {self.statistic}, points that no other one beats in cost and estimate"
-            + (", and the chosen one:" if self.chosen is not None else ":"),
+            f"By the {it.statistic}, points that no other one beats in cost and estimate"
+            + (", and the chosen one:" if it.chosen is not None else ":"),
             *layout.table(rows, width, head, range(len(head))),
-            *(["", *self._notes()] if verbose else [*self._defined(), *self._assumed()]),
+            *(["", *it._notes()] if verbose else [*it._defined(), *it._assumed()]),
         ]
         return layout.fitted("\n".join(lines), width)
-
-    def __str__(self) -> str:
-        return self.text()
 
     def _assumed(self) -> list[str]:
         """What is assumed of costs that were not given."""
@@ -292,10 +364,10 @@ class Advice(Shown, Criterion):
 
     def _repr_html_(self) -> str:
         return page(
-            f"Designs by cost and {self.statistic}",
-            f"<p>{escape(self.answer())}</p>",
-            self._shown().to_html(index=False, float_format=_cost, border=0),
-            folded("How to read the numbers", verbatim("\n".join(self._notes()))),
+            self.title,
+            f"<p>{escape(self.answer)}</p>",
+            self.readable._shown().to_html(index=False, float_format=_cost, border=0),
+            folded("How to read the numbers", verbatim("\n".join(self.remarks))),
         )
 
 

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
+
 from ...errors import ConfigurationError, nearest, quoted
 from ...results.responses import RESPONSES, readable, unit_of
 from ...scenario.reading import parse, read_text, shown
@@ -16,17 +18,6 @@ from ..common.columns import RESPONSE, column_of, needed, words
 from ..common.conditions import of_choices
 from .advice import PERCENTILE, Advice, advise
 from .costs import of_levels
-
-
-def readable_advice(advice: Advice, results: str | Path) -> Advice:
-    """The same with the labels of the study in a folder of results."""
-    study = study_of(results)
-    if "." in advice.response:
-        text = words(advice.response, store.table(results, needed(study, advice.response)))
-    else:  # of any receiver, where the receivers are a factor
-        known = RESPONSES.get(advice.response)
-        text = readable(advice.response) if known is None else known.words
-    return advice.named(study.labels, text)
 
 
 def advice_on_study(
@@ -61,11 +52,20 @@ def advice_on_study(
     points = table[~table["point"].isin(_centre(study))]
     column = column_of(table, response, receiver)
     chosen = of_choices(study, points, column)
-    return advise(
+    found = advise(
         chosen.table, chosen.factors, chosen.response, prices, limit=limit,
         percentile=percentile, contamination=contamination, confidence=confidence,
         unit=unit_of(column), lost="lost" if "lost" in chosen.table else None,
     )
+    return found.labelled(study.labels, _label(found.response, table))
+
+
+def _label(response: str, table: pd.DataFrame) -> str:
+    """The response in words."""
+    if "." in response:
+        return words(response, table)
+    known = RESPONSES.get(response)  # of any receiver, where the receivers are a factor
+    return readable(response) if known is None else known.words
 
 
 def _prices(

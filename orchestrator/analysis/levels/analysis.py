@@ -12,21 +12,27 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from html import escape
 from math import log
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Self, get_args
 
 import numpy as np
 import pandas as pd
 
+from ... import artifacts
+from ...answer import Answer
+from ...catalogue import Job, jobs
 from ...errors import ConfigurationError, check_choice, nearest
 from ...lazy import Module
-from ...shown import Picture, Shown, folded, page, verbatim
+from ...shown import Picture, folded, page, verbatim
 from ...study.design import Level
 from ..common.bounds import runs_to_see
 from ..common.model import Term, term_name
 from ..common.options import Options, Seeding, Transform
+from .catalogue import FIGURES
 from .cells import Cells, cells_of
 from .linear import LinearModel, SumsType, fitted_model
 from .medians import median_pairs
+from .tables import ANOVA, CELLS, MEANS, MEDIANS, PAIRS
 from .variance import WeightedMeans, anova_table, cell_table, means_table, pair_table
 
 if TYPE_CHECKING:
@@ -35,7 +41,7 @@ if TYPE_CHECKING:
     from ...style import ThemeName
 
 sentences: Any = Module("sblcosim.analysis.levels.sentences")
-figures: Any = Module("sblcosim.analysis.levels.figures")
+drawings: Any = Module("sblcosim.analysis.levels.figures")
 
 LOST = "lost"
 """Column of lost runs."""
@@ -46,7 +52,7 @@ RUNAWAY = 50.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class GeneralFactorial(Shown):
+class GeneralFactorial(Answer):
     """The numbers of an analysed experiment with factors of any number of levels.
 
     Attributes
@@ -120,6 +126,11 @@ class GeneralFactorial(Shown):
     largest, median
         Of the response itself.
     """
+
+    document = "analyse"
+    columns = MappingProxyType({
+        "anova": ANOVA, "main_effects": MEANS, "medians": MEDIANS, "cells": CELLS, "pairs": PAIRS,
+    })
 
     response: str
     unit: str
@@ -214,6 +225,50 @@ class GeneralFactorial(Shown):
         return f"ln {self.response}" if self.transform == "log" else self.response
 
     @property
+    def title(self) -> str:
+        """Of a page."""
+        return f"Levels of {', '.join(self.readable.factors)}"
+
+    @property
+    def answer(self) -> str:
+        """Which levels are best, in a few sentences."""
+        return str(sentences.answer(self.readable))
+
+    @property
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """Variance, means, medians, cells and pairs."""
+        return {
+            "anova": self.anova.reset_index(), "main_effects": self.means,
+            "medians": self.medians, "cells": self.cells, "pairs": self.pairs,
+        }
+
+    @property
+    def figures(self) -> list[Job]:
+        """Means, differences of pairs, interactions."""
+        return jobs(FIGURES, self.readable)
+
+    @property
+    def remarks(self) -> list[str]:
+        """What stands against the answer, and how to read the numbers, a line each."""
+        shown = self.readable
+        return [*sentences.warnings(shown), *sentences.notes(shown)]
+
+    def to_json(self) -> dict[str, Any]:
+        """Levels and pairs as plain data."""
+        plain: dict[str, Any] = artifacts.plain({
+            "response": self.response, "unit": self.unit, "answer": self.answer,
+            "transform": self.transform, "confidence": self.confidence, "runs": self.runs,
+            "dropped": self.dropped, "r2": self.r2, "levels": MEANS.rows(self.means),
+            "medians": MEDIANS.rows(self.medians), "pairs": PAIRS.rows(self.pairs),
+            "notes": self.remarks,
+        })  # fmt: skip
+        return plain
+
+    def manifest(self) -> dict[str, Any]:
+        """What was analysed."""
+        return {"analysis": {"response": self.response, "factors": list(self.factors)}}
+
+    @property
     def readable(self) -> Self:
         """The same with `labels` and `label` instead of the columns' names, for people."""
         names = {name: self.labels.get(name, name) for name in self.factors}
@@ -247,9 +302,6 @@ class GeneralFactorial(Shown):
         text: str = sentences.summary(self.readable, most, verbose, width, self.response)
         return text
 
-    def __str__(self) -> str:
-        return self.text()
-
     def _gist(self) -> str:
         sizes = ", ".join(f"{name} ({len(levels)})" for name, levels in self.levels.items())
         return f"of {self.runs} runs, {self.response} by {sizes}"
@@ -258,7 +310,7 @@ class GeneralFactorial(Shown):
         shown = self.readable
         return page(
             f"Means of {shown.quantity}",
-            f"<p>{escape(sentences.answer(shown))}</p>",
+            f"<p>{escape(self.answer)}</p>",
             shown.anova.to_html(float_format="{:.4g}".format, border=0, na_rep=""),
             shown.means.to_html(float_format="{:.4g}".format, border=0, index=False),
             folded("How to read the numbers", verbatim("\n".join(sentences.notes(shown)))),
@@ -266,15 +318,15 @@ class GeneralFactorial(Shown):
 
     def plot_means(self, ax: Axes | None = None, theme: ThemeName = "light") -> Picture:
         """See `sblcosim.analysis.levels.figures.plot_means`."""
-        return Picture(figures.plot_means(self.readable, ax, theme), ax)
+        return Picture(drawings.plot_means(self.readable, ax, theme), ax)
 
     def plot_interactions(self, ax: Axes | None = None, theme: ThemeName = "light") -> Picture:
         """See `sblcosim.analysis.levels.figures.plot_interactions`."""
-        return Picture(figures.plot_interactions(self.readable, ax, theme), ax)
+        return Picture(drawings.plot_interactions(self.readable, ax, theme), ax)
 
     def plot_pairs(self, ax: Axes | None = None, theme: ThemeName = "light") -> Picture:
         """See `sblcosim.analysis.levels.figures.plot_pairs`."""
-        return Picture(figures.plot_pairs(self.readable, ax, theme), ax)
+        return Picture(drawings.plot_pairs(self.readable, ax, theme), ax)
 
 
 def analyse(

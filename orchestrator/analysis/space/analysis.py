@@ -20,18 +20,23 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from html import escape
 from math import ceil, log2
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ... import artifacts
+from ...answer import Answer
+from ...catalogue import Job
 from ...errors import ConfigurationError, check_choice, nearest, quoted
 from ...lazy import Module
-from ...shown import Picture, Shown, folded, page, verbatim
+from ...shown import Picture, folded, page, verbatim
 from ...study.space import LEAST_BASE_ROWS, SEED_FACTOR, Sample
 from ...words.shares import percent, rough_percent
 from . import jackknife, two_values
+from .tables import INDICES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,7 +44,7 @@ if TYPE_CHECKING:
     from ...style import ThemeName
 
 sentences: Any = Module("sblcosim.analysis.space.sentences")
-figures: Any = Module("sblcosim.analysis.space.figures")
+drawings: Any = Module("sblcosim.analysis.space.figures")
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -61,7 +66,7 @@ rows are left out, 0.05 at 20 %, 0.13 at 35 % and 0.22 at 50 %, over ten shapes 
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sensitivity(Shown):
+class Sensitivity(Answer):
     """Sobol' indices of a response.
 
     Attributes
@@ -90,6 +95,9 @@ class Sensitivity(Shown):
     label
         The response's name for people, if it has one.
     """
+
+    document = "analyse"
+    columns = MappingProxyType({"indices": INDICES})
 
     response: str
     transform: Scale
@@ -180,19 +188,62 @@ class Sensitivity(Shown):
         labels = {f.name: f.label or f.name for f in self.sample.factors}
         return labels.get(factor, CHANCE)
 
-    def text(self, *, width: int | None = None) -> str:
+    @property
+    def title(self) -> str:
+        """Of a page."""
+        return f"Sobol' indices of {self.quantity}"
+
+    @property
+    def answer(self) -> str:
+        """Which factor explains most, in a few sentences."""
+        return str(sentences.answer(self))
+
+    @property
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """The indices."""
+        table = self.indices.reset_index()
+        return {"indices": table.assign(response=self.response, transform=self.transform)}
+
+    @property
+    def figures(self) -> list[Job]:
+        """The indices, and the response against each factor."""
+        return [
+            Job("indices", drawings.later("plot_indices"), (self,)),
+            Job("scatter", drawings.later("plot_scatter"), (self,)),
+        ]
+
+    @property
+    def remarks(self) -> list[str]:
+        """What must be known to read the numbers, a line each."""
+        found: list[str] = sentences.notes(self)
+        return found
+
+    def to_json(self) -> dict[str, Any]:
+        """The indices as plain data."""
+        plain: dict[str, Any] = artifacts.plain({
+            "response": self.response, "unit": "", "answer": self.answer,
+            "transform": self.transform, "confidence": self.confidence, "runs": self.runs,
+            "dropped": self.dropped, "left_out": self.share_left_out,
+            "indices": INDICES.rows(self.tables["indices"]), "notes": self.remarks,
+        })  # fmt: skip
+        return plain
+
+    def manifest(self) -> dict[str, Any]:
+        """What was analysed."""
+        return {"analysis": {"response": self.response, "factors": list(self.indices.index)}}
+
+    def text(self, *, verbose: bool = False, width: int | None = None) -> str:
         """The indices in words: the answer, the table, and the notes.
 
         Parameters
         ----------
+        verbose
+            Has no effect.
         width
             Columns to fit into; None: sentences are not wrapped.
         """
         text: str = sentences.summary(self, width)
         return text
-
-    def __str__(self) -> str:
-        return self.text()
 
     def _gist(self) -> str:
         totals = self.ranked()["total"][:3]
@@ -203,20 +254,20 @@ class Sensitivity(Shown):
         table = self.ranked().rename(index=self.name_of)
         return page(
             f"Sobol' indices of {self.quantity}",
-            f"<p>{escape(sentences.answer(self))}</p>",
+            f"<p>{escape(self.answer)}</p>",
             table.to_html(float_format="{:.3f}".format, border=0),
-            folded("How to read the numbers", verbatim("\n".join(sentences.notes(self)))),
+            folded("How to read the numbers", verbatim("\n".join(self.remarks))),
         )
 
     def plot_indices(self, ax: Axes | None = None, theme: ThemeName = "light") -> Picture:
         """See `sblcosim.analysis.space.figures.plot_indices`."""
-        return Picture(figures.plot_indices(self, ax, theme), ax)
+        return Picture(drawings.plot_indices(self, ax, theme), ax)
 
     def plot_scatter(
         self, ax: Sequence[Axes] | None = None, theme: ThemeName = "light"
     ) -> Picture:
         """See `sblcosim.analysis.space.figures.plot_scatter`."""
-        return Picture(figures.plot_scatter(self, ax, theme), ax)
+        return Picture(drawings.plot_scatter(self, ax, theme), ax)
 
 
 # --- Estimation ----------------------------------------------------------------------------------

@@ -24,14 +24,18 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from html import escape
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import pandas as pd
 from scipy import stats
 
+from ... import artifacts
+from ...answer import Answer
+from ...catalogue import Job, jobs
 from ...lazy import Module
-from ...shown import Picture, Shown, folded, page, verbatim
+from ...shown import Picture, folded, page, verbatim
 from ..common.model import (
     ALIAS_ORDER,
     Term,
@@ -44,6 +48,7 @@ from ..common.model import (
 )
 from ..common.options import Error, Method, Options, Seeding, Transform
 from ..common.runs import check_columns, transformed, usable
+from .catalogue import FIGURES
 from .effects import (
     anova_table,
     effect_table,
@@ -61,6 +66,7 @@ from .fit import (
     residual_table,
 )
 from .noise import FTest, Lenth
+from .tables import ANOVA, EFFECTS, INTERACTIONS, MAIN_EFFECTS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -68,11 +74,11 @@ if TYPE_CHECKING:
     from ...style import ThemeName
 
 sentences: Any = Module("sblcosim.analysis.two_level.sentences")
-figures: Any = Module("sblcosim.analysis.two_level.figures")
+drawings: Any = Module("sblcosim.analysis.two_level.figures")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Factorial(Shown):
+class Factorial(Answer):
     """The numbers of an analysed factorial experiment.
 
     Attributes
@@ -141,6 +147,12 @@ class Factorial(Shown):
         Names for people to read, of the factors and of the response, if they have any.
     """
 
+    document = "analyse"
+    columns = MappingProxyType({
+        "effects": EFFECTS, "anova": ANOVA, "main_effects": MAIN_EFFECTS,
+        "interactions": INTERACTIONS,
+    })  # fmt: skip
+
     response: str
     unit: str
     transform: Transform
@@ -188,6 +200,56 @@ class Factorial(Shown):
         """The analysed quantity in words."""
         word = {"none": "", "log": "ln ", "spread": "ln s of "}[self.transform]
         return f"{word}{self.response}"
+
+    @property
+    def title(self) -> str:
+        """Of a page."""
+        return f"Effects on {self.readable.quantity}"
+
+    @property
+    def answer(self) -> str:
+        """What matters, in a few sentences."""
+        return str(sentences.answer(self.readable))
+
+    @property
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """Effects, their variance, and means."""
+        return {
+            "effects": self.effects.reset_index(), "anova": self.anova.reset_index(),
+            "main_effects": self.main_effects.reset_index(),
+            "interactions": self.interactions.reset_index(),
+        }
+
+    @property
+    def figures(self) -> list[Job]:
+        """The paper's four pictures (Figures 15 to 18)."""
+        return jobs(FIGURES, self.readable)
+
+    @property
+    def remarks(self) -> list[str]:
+        """What must be known to read the numbers, a line each."""
+        found: list[str] = sentences.notes(self.readable)
+        return found
+
+    def to_json(self) -> dict[str, Any]:
+        """The effects, the largest first, as plain data."""
+        effects = self.ranked().drop(columns=["coefficient"]).rename_axis("term")
+        plain: dict[str, Any] = artifacts.plain({
+            "response": self.response, "unit": self.unit, "answer": self.answer,
+            "transform": self.transform, "method": self.method, "confidence": self.confidence,
+            "runs": self.runs, "dropped": self.dropped, "r2": self.r2,
+            "effects": effects.reset_index().to_dict(orient="records"), "notes": self.remarks,
+        })  # fmt: skip
+        return plain
+
+    def manifest(self) -> dict[str, Any]:
+        """What was analysed, and how."""
+        return {
+            "analysis": {
+                "response": self.response, "factors": list(self.factors),
+                "method": self.method, "error": self.error,
+            }
+        }
 
     @property
     def readable(self) -> Self:
@@ -262,9 +324,6 @@ class Factorial(Shown):
         text: str = sentences.summary(self.readable, most, verbose, width, self.response)
         return text
 
-    def __str__(self) -> str:
-        return self.text()
-
     def _gist(self) -> str:
         largest = ", ".join(
             f"{name} {effect:+.3g}" for name, effect in self.readable.ranked()["effect"][:3].items()
@@ -277,30 +336,30 @@ class Factorial(Shown):
         notes = "\n".join(sentences.notes(shown))
         return page(
             f"Effects on {shown.quantity}",
-            f"<p>{escape(sentences.answer(shown))}</p>",
+            f"<p>{escape(self.answer)}</p>",
             table,
             folded("How to read the numbers", verbatim(notes)),
         )
 
     def plot_pareto(self, ax: Axes | None = None, theme: ThemeName = "light") -> Picture:
         """See `sblcosim.analysis.two_level.figures.plot_pareto`."""
-        return Picture(figures.plot_pareto(self.readable, ax, theme), ax)
+        return Picture(drawings.plot_pareto(self.readable, ax, theme), ax)
 
     def plot_interactions(self, ax: Axes | None = None, theme: ThemeName = "light") -> Picture:
         """See `sblcosim.analysis.two_level.figures.plot_interactions`."""
-        return Picture(figures.plot_interactions(self.readable, ax, theme), ax)
+        return Picture(drawings.plot_interactions(self.readable, ax, theme), ax)
 
     def plot_main_effects(self, ax: Axes | None = None, theme: ThemeName = "light") -> Picture:
         """See `sblcosim.analysis.two_level.figures.plot_main_effects`."""
-        return Picture(figures.plot_main_effects(self.readable, ax, theme), ax)
+        return Picture(drawings.plot_main_effects(self.readable, ax, theme), ax)
 
     def plot_residuals(self, ax: Axes | None = None, theme: ThemeName = "light") -> Picture:
         """See `sblcosim.analysis.two_level.figures.plot_residuals`."""
-        return Picture(figures.plot_residuals(self.readable, ax, theme), ax)
+        return Picture(drawings.plot_residuals(self.readable, ax, theme), ax)
 
     def plot_box_cox(self, ax: Axes | None = None, theme: ThemeName = "light") -> Picture:
         """See `sblcosim.analysis.two_level.figures.plot_box_cox`."""
-        return Picture(figures.plot_box_cox(self.readable, ax, theme), ax)
+        return Picture(drawings.plot_box_cox(self.readable, ax, theme), ax)
 
 
 def analyse(

@@ -27,8 +27,8 @@ from ..common.figures import add_legend, panels_in, quantity_of, with_unit, wrap
 from ..common.model import Floats
 from .analysis import Factorial
 from .box_cox import box_cox
+from .catalogue import MOST_BARS
 
-MOST_BARS = 20
 RASTER_FROM = 1000
 """From this many points on, an SVG holds a raster image of them."""
 MOST_DOTS = 20_000

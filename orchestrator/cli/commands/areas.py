@@ -23,10 +23,8 @@ from ..common.app import (
     numeric,
     one_receiver,
     overrides,
-    say,
-    show,
+    report,
     waiting,
-    where,
 )
 from ..common.keeping import keeping
 
@@ -117,9 +115,4 @@ def map_(
                 speed_m_s=speed, workers=workers, progress=progress, keep=keep,
             )
             folder = found.save(wanted, figures=not no_figures, other=other)
-    if as_json:
-        from ..documents.by_command import DOCUMENTS
-
-        show(DOCUMENTS["map"].of(found.to_json() | {"folder": str(folder)}))
-    else:
-        say(f"{found}\n\n{where(folder, wanted)}")
+    report(found, folder, wanted, as_json)

@@ -23,11 +23,8 @@ from ..common.app import (
     numeric,
     one_receiver,
     overrides,
-    say,
-    show,
+    report,
     waiting,
-    where,
-    width,
 )
 from ..common.keeping import keeping
 
@@ -121,12 +118,6 @@ def budget(
                 progress=progress,
                 keep=keep,
             )
-            text = found.text(frame, verbose=verbose, width=width())
+            found.of(frame)  # refused before anything is written
             folder = found.save(wanted, figures=not no_figures, other=other)
-    if as_json:
-        from ..documents.budgets import Budget
-
-        show(Budget.of(found.to_json() | {"folder": str(folder)}))
-    else:
-        typer.echo(text)
-        say(f"\n{where(folder, wanted)}")
+    report(found, folder, wanted, as_json, verbose, frame=frame)

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from ..common import completion
-from ..common.app import JsonOption, VerboseOption, app, numeric, say, show, table, waiting, width
+from ..common.app import JsonOption, VerboseOption, app, numeric, report, show, table, waiting
 from ..common.outcome import kept
 from .studies import ExecutorOption, SchedulerOption, WorkersOption
 
@@ -55,7 +55,7 @@ def require(
     """
     with waiting(remaining=True) as progress:
         from ...require import question as questions
-        from ...require import report, run
+        from ...require import run
 
         asked = questions.load(source)
         out = out or Path("answers", asked.study.name)
@@ -70,13 +70,7 @@ def require(
             done = len(store.finished(out / run.RUNS))
             kept(stop, str(done), out)
     folder = out / run.ANSWER
-    if as_json:
-        from ..documents import contents
-
-        show(contents.requirement(found, folder))
-    else:
-        typer.echo(found.text(verbose=verbose, width=width()))
-        say(f"\nwritten to {folder}; the report is {folder / report.REPORT}")
+    report(found, folder, folder, as_json, verbose)
     if found.chosen is None:
         raise typer.Exit(1)
 

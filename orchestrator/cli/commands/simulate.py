@@ -38,7 +38,6 @@ from ..common.app import (
     show,
     table,
     waiting,
-    where,
     width,
 )
 from ..common.keeping import keeping
@@ -108,8 +107,8 @@ def run(
                     settled, receiver or (), () if fmi is None else (f"fmi={fmi}",), runs=runs,
                     master=master, step_timeout=step_timeout, progress=progress, keep=keep,
                 )  # fmt: skip
-                folder = many.save(wanted, drawn=not no_figures, other=other)
-        report(many, folder, wanted, "runs", as_json, verbose)
+                folder = many.save(wanted, figures=not no_figures, other=other)
+        report(many, folder, wanted, as_json, verbose)
         refuse_silence(many)
         return
     # What a user's code prints is no part of the result.
@@ -133,7 +132,7 @@ def run(
             before=lambda manifest: artifacts.check(wanted, manifest, other),
         )
         folder = result.save(wanted, figures=not no_figures, other=other, artist=artist)
-    report(result, folder, wanted, "run", as_json, verbose)
+    report(result, folder, wanted, as_json, verbose)
     refuse_silence(result)
 
 
@@ -202,7 +201,7 @@ def smooth(
         artifacts.check(wanted, other=other)
         smoothed = smooth_run(folder, set_ or ())
         written = smoothed.save(wanted, figures=not no_figures, other=other, artist=artist)
-    report(smoothed, written, wanted, "smooth", as_json, verbose)
+    report(smoothed, written, wanted, as_json, verbose)
 
 
 @app.command()
@@ -301,12 +300,7 @@ def calibrate(
             fmi=3 if fmi == 3 else 2,
         )
         folder = result.save(wanted, other=other)
-    if as_json:
-        from ..documents.by_command import Calibration
-
-        show(Calibration.of(result.to_json() | {"folder": str(folder)}))
-    else:
-        say(f"{result}\n\n{where(folder, wanted)}")
+    report(result, folder, wanted, as_json)
 
 
 @app.command()

@@ -28,7 +28,6 @@ from ..common.app import (
     show,
     table,
     waiting,
-    width,
 )
 from ..common.outcome import kept, typed
 
@@ -250,7 +249,7 @@ def replay(
         artifacts.check(wanted, other=other)
         result = again(results, run_id, progress=progress)
         folder = result.save(wanted, figures=not no_figures, other=other, artist=artist)
-    report(result, folder, wanted, "replay", as_json, verbose)
+    report(result, folder, wanted, as_json, verbose)
     refuse_silence(result)
 
 
@@ -289,9 +288,8 @@ def analyse(
         check_choice("error", error, get_args(options.Error))
         out = out or beside(results, "analysis")
         artifacts.check(out)
-        found = reports.save(
+        found = reports.analysed(
             results,
-            out,
             response,
             receiver=receiver,
             order=order,
@@ -300,14 +298,8 @@ def analyse(
             practical=practical,
             command=typed(),
         )
-    page = out / reports.REPORT
-    if as_json:
-        from ..documents import contents
-
-        show(contents.analysis(found, out, page))
-    else:
-        typer.echo(found.text(verbose=verbose, width=width()))
-        say(f"\nwritten to {out}; the report is {page}")
+        found.save(out, other="replace")
+    report(found, out, out, as_json, verbose)
 
 
 @app.command()
@@ -339,7 +331,7 @@ def advise(
     """
     with waiting("weighing"):
         from ... import artifacts
-        from ...analysis.advice import advice, saving
+        from ...analysis.advice import advice
         from ...analysis.advice import of_study as study_advice
         from ...analysis.common import columns
 
@@ -360,15 +352,8 @@ def advise(
             contamination=contamination,
             confidence=confidence,
         )
-        shown = study_advice.readable_advice(found, results)
-        folder = saving.save_advice(found, out, shown=shown)
-    if as_json:
-        from ..documents import contents
-
-        show(contents.advice(found, shown, folder))
-    else:
-        typer.echo(shown.text(verbose=verbose, width=width()))
-        say(f"\nwritten to {folder}")
+        folder = found.save(out, other="replace")
+    report(found, folder, out, as_json, verbose)
     if found.limit is not None and found.chosen is None:
         raise typer.Exit(1)
 

@@ -115,6 +115,6 @@ def compare(
                 progress=progress,
                 keep=keep,
             )
-            folder = found.save(wanted, drawn=not no_figures, other=other)
-    report(found, folder, wanted, "compare", as_json, verbose)
+            folder = found.save(wanted, figures=not no_figures, other=other)
+    report(found, folder, wanted, as_json, verbose)
     refuse_silence(found)

@@ -18,6 +18,7 @@ from . import completion
 from .outcome import ErrorReportingGroup, say_warnings
 
 if TYPE_CHECKING:
+    from ...answer import Answer
     from ...artifacts import Other
     from ..documents.document import Document
 
@@ -199,23 +200,24 @@ def where(folder: Path, wanted: Path) -> str:
 
 
 def report(
-    result: Any, folder: Path, wanted: Path, command: str, as_json: bool, verbose: bool
+    answer: Answer, folder: Path, wanted: Path, as_json: bool, verbose: bool = False, **shown: Any
 ) -> None:
-    """Print the result of a run."""
+    """Print an answer that is in a folder; `shown` is for its text."""
     if as_json:
         from ..documents.by_command import DOCUMENTS
 
-        show(DOCUMENTS[command].of(result.to_json() | {"folder": str(folder)}))
+        show(DOCUMENTS[answer.document].of(answer.to_json() | answer.located(folder)))
     else:
-        typer.echo(result.text(verbose=verbose, width=width()))
-        say(f"\n{where(folder, wanted)}")
+        page = f"; the report is {folder / answer.report}" if answer.report else ""
+        typer.echo(answer.text(verbose=verbose, width=width(), **shown))
+        say(f"\n{where(folder, wanted)}{page}")
 
 
-def refuse_silence(result: Any) -> None:
+def refuse_silence(answer: Answer) -> None:
     """End with exit code 1 if a receiver has given no estimate at all."""
-    for line in result.problems:
+    for line in answer.problems:
         typer.echo(f"error: {line}", err=True)
-    if result.problems:
+    if answer.problems:
         raise typer.Exit(1)
 
 

@@ -2,36 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
-from .document import Claimed, Document, DocumentPart, Number
+from ...comparison.budget.tables import ROWS
+from .document import Claimed, Document, Number, part_of
 
-
-class BudgetRow(DocumentPart):
-    """A source of error, or what is left of the whole, in one frame."""
-
-    frame: Claimed
-    source: str
-    kind: Literal["all", "source", "together", "rest", "remainder"]
-    """Nothing switched, one source, several, all of them, or what does not add up."""
-    rms_m: Number
-    """Without the source, or with better equipment; of the kind all, as it is."""
-    share: Number
-    """Part of the mean square that goes with it; negative where the error grows."""
-    share_low: Number
-    """Of the 95 % interval."""
-    share_high: Number
-    alone_rms_m: Number
-    """With all others switched."""
-    alone_share: Number
-    """What it adds to the rest, as a part of the whole mean square."""
-    alone_low: Number
-    alone_high: Number
-    bound_rms_m: Number
-    """The same of what is possible; null where there is no accuracy."""
-    bound_share: Number
-    bound_alone_rms_m: Number
-    bound_alone_share: Number
+BudgetRow: Any = part_of(ROWS)
 
 
 class Budget(Document):

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from types import GenericAlias
 from typing import Any, Literal
 
-from pydantic import Field, create_model
+from pydantic import Field
 
-from ...judge.columns import ERRORS, PERCENTILES, SUMMARY, RunTable
+from ...judge.columns import ERRORS, PERCENTILES, SUMMARY
+from ...results.range_test import RANGE_TEST
 from ...scenario.json_schema import Plainly
 from .areas import Map
 from .budgets import Budget
-from .document import Claimed, Document, DocumentPart, Entry, Number
+from .document import Claimed, Document, DocumentPart, Entry, Number, by_index, part_of
 from .studies import Advice, Analysis, Questions, Requirement, Studies, Study
 from .tournaments import Comparison, Runs
 
@@ -40,29 +40,9 @@ class Receivers(Document):
     receivers: list[ReceiverEntry]
 
 
-def _part(table: RunTable) -> Any:
-    """A row of a table."""
-    fields: dict[str, Any] = {
-        column.name: (
-            column.type,
-            Field(None if column.sometimes else ..., description=column.description),
-        )
-        for column in table.columns
-    }
-    return create_model(table.part, __base__=DocumentPart, __doc__=table.about, **fields)
-
-
-def _by_index(table: RunTable) -> Any:
-    """A row for each name of the first column of the index, in it for each of the next, …"""
-    rows: Any = _part(table)
-    for column in reversed(table.index):
-        rows = GenericAlias(dict, (column.type, rows))
-    return rows
-
-
-Errors: Any = _by_index(ERRORS)
-Percentiles: Any = _by_index(PERCENTILES)
-Summary: Any = _by_index(SUMMARY)
+Errors: Any = by_index(ERRORS)
+Percentiles: Any = by_index(PERCENTILES)
+Summary: Any = by_index(SUMMARY)
 
 
 class Covariance(DocumentPart):
@@ -192,14 +172,8 @@ class SoundSpeed(DocumentPart):
     std: float
 
 
-class RangeTest(DocumentPart):
-    """The ranges of one distance."""
 
-    distance_m: float
-    pings: int
-    mean_m: float
-    std_m: float
-    error_m: float
+RangeTest: Any = part_of(RANGE_TEST)
 
 
 class Calibration(Document):

@@ -8,9 +8,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from types import GenericAlias
 from typing import Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field, create_model
+
+from ...data.tables import Columns, TableColumn
 
 Number = float | None
 Claimed = Literal["absolute", "own_relative"]
@@ -36,6 +39,27 @@ class Document(DocumentPart):
     def text(self) -> str:
         """As JSON, in ASCII."""
         return json.dumps(json.loads(self.model_dump_json()), indent=2)
+
+
+def part_of(columns: Columns, *before: TableColumn) -> Any:
+    """A row of a table, as a part of documents; `before` are further fields, at its beginning."""
+    fields: dict[str, Any] = {
+        column.name: (
+            column.type,
+            Field(None if column.sometimes else ..., description=column.description or None),
+        )
+        for column in (*before, *columns.columns)
+        if column.in_json
+    }
+    return create_model(columns.part, __base__=DocumentPart, __doc__=columns.about, **fields)
+
+
+def by_index(columns: Columns) -> Any:
+    """A row for each name of the first column of the index, in it for each of the next, …"""
+    rows: Any = part_of(columns)
+    for column in reversed(columns.index):
+        rows = GenericAlias(dict, (column.type, rows))
+    return rows
 
 
 class Entry(DocumentPart):

@@ -2,9 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
-from .document import Claimed, Document, DocumentPart, Entry, Number
+from ...analysis.advice.tables import POINTS
+from ...analysis.levels.tables import MEANS as LEVEL_MEANS
+from ...analysis.levels.tables import MEDIANS as LEVEL_MEDIANS
+from ...analysis.levels.tables import PAIRS as LEVEL_PAIRS
+from ...analysis.means.tables import MEANS
+from ...analysis.space.tables import INDICES
+from ...analysis.two_level.tables import EFFECTS
+from ...data.tables import TableColumn
+from ...require.tables import DESIGNS
+from .document import Claimed, Document, DocumentPart, Entry, Number, part_of
 
 
 class Studies(Document):
@@ -81,107 +90,18 @@ class Study(Document):
     """Only with --dry-run."""
 
 
-class Effect(DocumentPart):
-    """Change of the mean response from the low to the high level."""
-
-    term: str
-    """A factor, or several with × between them."""
-    order: int
-    effect: Number
-    std_error: Number
-    low: Number
-    """Of the confidence interval."""
-    high: Number
-    t: Number
-    p: Number
-    share: Number
-    """Of the total sum of squares."""
-    significant: bool
-    ratio: Number = None
-    """High over low, for logarithms; null otherwise, as its interval."""
-    ratio_low: Number = None
-    ratio_high: Number = None
-    verdict: Literal["matters", "too small", "undecided"] | None = None
-    """With --practical."""
 
 
-class Mean(DocumentPart):
-    """Mean response at a level of a factor, the others at their base."""
-
-    factor: str
-    """Empty for a study without factors."""
-    value: Number
-    runs: int
-    mean: Number
-    std: Number
-    low: Number
-    """Of the 95 % interval of the mean."""
-    high: Number
 
 
-class LevelMean(DocumentPart):
-    """Marginal mean at a level of a factor of a grid."""
-
-    factor: str
-    level: str | float
-    runs: int
-    lost: Number
-    """Share of the runs."""
-    mean: Number
-    low: Number
-    """Of the interval of this mean alone."""
-    high: Number
 
 
-class LevelMedian(DocumentPart):
-    """Median of all runs at a level of a factor of a grid."""
-
-    factor: str
-    level: str | float
-    median: Number
-    low: Number
-    """Of the interval by order statistics; null if the runs are too few for one."""
-    high: Number
-
-
-class LevelPair(DocumentPart):
-    """Difference of two levels of a factor of a grid."""
-
-    factor: str
-    one: str | float
-    other: str | float
-    difference: Number
-    """Mean of one less that of other."""
-    low: Number
-    """Of the interval that holds for all pairs of the factor at once."""
-    high: Number
-    p: Number
-    """Adjusted."""
-    median_difference: Number
-    """Of the levels; with common seeds the median of the differences within a replicate."""
-    median_low: Number
-    """As `low`; null if the runs are too few for one."""
-    median_high: Number
-    differs: bool
-    """Judged by medians where these stand first in the answer, as is the verdict."""
-    verdict: Literal["equal", "differs", "undecided"] | None = None
-    """With --practical."""
-
-
-class SobolIndex(DocumentPart):
-    """Share of the variance of a response that a factor of a space explains."""
-
-    response: str
-    factor: str
-    """``seed``: chance."""
-    first: Number
-    """Alone."""
-    first_low: Number
-    first_high: Number
-    total: Number
-    """With all interactions."""
-    total_low: Number
-    total_high: Number
+Effect: Any = part_of(EFFECTS)
+Mean: Any = part_of(MEANS)
+LevelMean: Any = part_of(LEVEL_MEANS)
+LevelMedian: Any = part_of(LEVEL_MEDIANS)
+LevelPair: Any = part_of(LEVEL_PAIRS)
+SobolIndex: Any = part_of(INDICES)
 
 
 class Analysis(Document):
@@ -220,23 +140,10 @@ class Analysis(Document):
     notes: list[str]
 
 
-class DesignPoint(DocumentPart):
-    """A point of the design, with the runs at it."""
 
-    levels: dict[str, float | str]
-    """By factor."""
-    cost: float
-    runs: int
-    lost: int
-    lost_upper: Number
-    """Bound of the share of lost runs."""
-    estimate: Number
-    """Of the percentile, or of the mean."""
-    upper: Number
-    """Its bound; null where there is none."""
-    front: bool
-    """No other point is cheaper and better."""
-    meets: bool
+DesignPoint: Any = part_of(
+    POINTS, TableColumn("levels", "By factor.", type=dict[str, float | str])
+)
 
 
 class Answer(DocumentPart):
@@ -268,27 +175,10 @@ class Advice(Document, Answer):
     """The other question, answered from the same runs; null without a limit."""
 
 
-class DesignDecided(DocumentPart):
-    """A design of a question, in the condition that is worst for it."""
 
-    levels: dict[str, float | str]
-    """By choice."""
-    cost: float
-    verdict: Literal["suffices", "fails", "undecided"]
-    """It surely suffices, it surely does not, or neither is sure."""
-    condition: str
-    """Empty if there is one only."""
-    runs: int
-    """That count: until it was decided."""
-    passed: int
-    estimate: Number
-    """What the required share of the runs is within; null if too many are lost."""
-    lower: Number
-    """Bound of the percentile; null where none is claimed, as of a design that suffices."""
-    upper: Number
-    """The same; null of a design that fails."""
-    front: bool
-    """No other design is cheaper and better."""
+DesignDecided: Any = part_of(
+    DESIGNS, TableColumn("levels", "By choice.", type=dict[str, float | str])
+)
 
 
 class Limiting(DocumentPart):

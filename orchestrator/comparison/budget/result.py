@@ -4,27 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from html import escape
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
 from ... import artifacts, layout, style
+from ...answer import Answer
+from ...catalogue import Job
 from ...errors import ConfigurationError, nearest, quoted
 from ...judge.definitions import LOST
 from ...lazy import Module
 from ...scenario.error_sources import SOURCES
-from ...shown import Picture, Shown, page, verbatim
+from ...shown import Picture
 from ...words.numbers import short_length
 from ...words.shares import percent, whole_percent
 from .shares import CONFIDENCE
+from .tables import ROWS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-figures: Any = Module("sblcosim.comparison.budget.figures")
+drawings: Any = Module("sblcosim.comparison.budget.figures")
 
 FRAMES: Mapping[str, str] = {
     "absolute": "absolute position",
@@ -40,7 +43,7 @@ _LEAST = 0.02
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Budget(Shown):
+class Budget(Answer):
     """Where the error of a receiver comes from.
 
     Attributes
@@ -74,6 +77,9 @@ class Budget(Shown):
         The scenario.
     """
 
+    document = "budget"
+    columns = MappingProxyType({"budget": ROWS})
+
     scenario: str
     receiver: str
     table: pd.DataFrame
@@ -99,7 +105,7 @@ class Budget(Shown):
         ConfigurationError
             The receiver has no error in this frame.
         """
-        known = [*dict.fromkeys(self.table["frame"])]
+        known = self.frames
         if frame not in known:
             raise ConfigurationError(
                 f"frame: must be {' or '.join(known)} for {self.receiver}, got {quoted(frame)}"
@@ -110,8 +116,41 @@ class Budget(Shown):
         keys = rows.assign(order=rows["kind"].map(order), size=-rows["share"])
         return rows.loc[keys.sort_values(["order", "size"], kind="stable").index]
 
-    def answer(self, frame: str = "absolute") -> str:
-        """Which error matters, in a sentence."""
+    @property
+    def title(self) -> str:
+        """Of a page."""
+        return f"Budget of {self.scenario}"
+
+    @property
+    def answer(self) -> str:
+        """Which error of the absolute position matters, in a sentence."""
+        return self.answer_of("absolute")
+
+    @property
+    def frames(self) -> list[str]:
+        """Frames in which there is an error."""
+        return [*dict.fromkeys(self.table["frame"])]
+
+    @property
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """The budget."""
+        return {"budget": self.table}
+
+    @property
+    def figures(self) -> list[Job]:
+        """The shares in each frame."""
+        return [
+            Job(f"budget_{frame}", drawings.later("plot_budget"), (self, frame))
+            for frame in self.frames
+        ]
+
+    @property
+    def remarks(self) -> list[str]:
+        """What must be known to read the numbers of the absolute position, a line each."""
+        return [*self._notes("absolute")]
+
+    def answer_of(self, frame: str) -> str:
+        """Which error of a frame matters, in a sentence."""
         rows = self.of(frame)
         found = rows[rows["kind"] == "source"]
         named = found[(found["share"] >= _LEAST) & (found["share_low"] > 0)].head(_NAMED)
@@ -165,7 +204,7 @@ class Budget(Shown):
         """
         notes = [*self._notes(frame), *(self._method() if verbose else ())]
         about = "" if frame == "absolute" else f"Error of the {FRAMES[frame]}. "
-        lines = [f"{about}{self.answer(frame)}.", "", *self._rows(frame, width)]
+        lines = [f"{about}{self.answer_of(frame)}.", "", *self._rows(frame, width)]
         lines += [""] if notes else []
         fitted = [layout.fitted(line, width) for line in (lines[0], *notes)]
         return "\n".join([fitted[0], *lines[1:], *fitted[1:]])
@@ -245,16 +284,15 @@ class Budget(Shown):
         self, frame: str = "absolute", ax: Axes | None = None, theme: style.ThemeName = "light"
     ) -> Picture:
         """The shares as bars; see `sblcosim.comparison.budget.figures.plot_budget`."""
-        return Picture(figures.plot_budget(self, frame, ax, theme), ax)
+        return Picture(drawings.plot_budget(self, frame, ax, theme), ax)
 
     def to_json(self) -> dict[str, Any]:
         """Everything but the scenario as plain data."""
         rows = self.table.to_dict(orient="records")
-        frames = dict.fromkeys(self.table["frame"])
         plain: dict[str, Any] = artifacts.plain(
             {
                 "scenario": self.scenario, "receiver": self.receiver,
-                "answers": {frame: self.answer(frame) for frame in frames},
+                "answers": {frame: self.answer_of(frame) for frame in self.frames},
                 "runs": self.runs, "dropped": self.dropped, "seed": self.seed,
                 "better": self.better, "untold": self.untold, "lost": self.lost,
                 "bound_runs": self.bound_runs, "bound_kind": self.bound_kind or None,
@@ -265,27 +303,13 @@ class Budget(Shown):
         )
         return plain
 
-    def save(
-        self,
-        directory: str | Path,
-        theme: style.ThemeName = "light",
-        *,
-        figures: bool = True,
-        other: artifacts.Other = "refuse",
-    ) -> Path:
-        """Write ``budget.csv``, a figure of each frame and a manifest; see `sblcosim.Result.save`.
-
-        Returns
-        -------
-        Path
-            Of the folder.
-        """
-        with artifacts.draft(directory, self.manifest(), other) as draft:
-            self.table.to_csv(draft.folder / "budget.csv", index=False)
-            for frame in dict.fromkeys(self.table["frame"]) if figures else ():
-                axes = self.plot(frame, theme=theme).axes[0]
-                style.save(axes, draft.folder, f"budget_{frame}")
-        return draft.saved
+    def write(
+        self, folder: Path, theme: style.ThemeName = "light", figures: bool = True
+    ) -> None:
+        """The table as CSV only, and a figure of each frame."""
+        self.table.to_csv(folder / "budget.csv", index=False)
+        for job in self.figures if figures else ():
+            job.save(folder, theme)
 
     def manifest(self) -> dict[str, Any]:
         """What the runs were; equal for equal budgets."""
@@ -299,14 +323,8 @@ class Budget(Shown):
         }
 
     def _gist(self) -> str:
-        return f"of {self.scenario}: {self.answer()}"
+        return f"of {self.scenario}: {self.answer}"
 
-    def __str__(self) -> str:
-        return self.text()
-
-    def _repr_html_(self) -> str:
-        return page(f"Budget of {self.scenario}", f"<p>{escape(self.answer())}</p>",
-                    verbatim(self.text()))
 
 
 def _negative(share: float) -> str:

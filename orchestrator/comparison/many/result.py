@@ -5,24 +5,30 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
 
 from ... import artifacts, style
+from ...answer import Answer
+from ...catalogue import Job
 from ...judge.definitions import LOST
 from ...layout import fitted
 from ...results.result import Result
-from ...shown import Shown, page, verbatim
 from ...words.numbers import measured
 from ..common.evaluation import PERCENTILE, receivers_in
+from ..common.tables import LEVELS
 from ..tournament import sentences
-from ..tournament.result import RESPONSE, Tournament, figures
+from ..tournament.result import RESPONSE, Tournament, drawings
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 TYPICAL, WORST = "typical", "worst"
 """The runs that are drawn, and the names of their folders."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Many(Shown):
+class Many(Answer):
     """Many runs of a scenario. Made by `run_many`.
 
     Attributes
@@ -37,6 +43,9 @@ class Many(Shown):
         Their seeds.
     """
 
+    document = "runs"
+    columns = MappingProxyType({"levels": LEVELS})
+
     runs: Tournament
     drawn: Mapping[str, Result]
     drawn_seeds: Mapping[str, int]
@@ -50,6 +59,29 @@ class Many(Shown):
     def receivers(self) -> list[str]:
         """Labels of the receivers, in the order that was asked for."""
         return receivers_in(self.runs.table)
+
+    @property
+    def title(self) -> str:
+        """Of a page."""
+        return self.scenario_name
+
+    @property
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """All runs, and what is said of them."""
+        return {"runs": self.runs.table, "levels": self.runs.levels}
+
+    @property
+    def figures(self) -> list[Job]:
+        """Means of the receivers."""
+        return [drawings.job(self.runs, "runs", False)]
+
+    @property
+    def remarks(self) -> list[str]:
+        """What must be known to read the answer, a line each."""
+        it, lines = self.runs, list[str]()
+        for receiver in self.receivers:
+            lines += sentences.beside(it, self.scenario_name, receiver)
+        return [*lines, *sentences.unbounded(it)]
 
     def rms_m(self, which: str) -> float:
         """RMS total error of the first receiver in a run that is drawn [m]."""
@@ -113,27 +145,13 @@ class Many(Shown):
         lines.insert(start, "")
         return fitted("\n".join(lines), width)
 
-    def save(
-        self,
-        directory: str | Path,
-        *,
-        drawn: bool = True,
-        theme: style.ThemeName = "light",
-        other: artifacts.Other = "refuse",
-    ) -> Path:
-        """Write the tables, and the typical and the worst run into folders of that name.
-
-        See `sblcosim.Result.save`.
-        """
-        style.named(theme)
-        with artifacts.draft(directory, self.manifest(), other) as draft:
-            artifacts.write_table(self.runs.table, draft.folder, "runs")
-            artifacts.write_table(self.runs.levels, draft.folder, "levels")
-            if drawn:
-                figures.job(self.runs, "runs", False).save(draft.folder, theme)
-            for which, result in self.drawn.items():
-                result.save(draft.folder / which, figures=drawn, theme=theme)
-        return draft.saved
+    def write(
+        self, folder: Path, theme: style.ThemeName = "light", figures: bool = True
+    ) -> None:
+        """With the typical and the worst run in folders of their own."""
+        super().write(folder, theme, figures)
+        for which, result in self.drawn.items():
+            result.save(folder / which, figures=figures, theme=theme)
 
     def manifest(self) -> dict[str, Any]:
         """What was run, as plain data."""
@@ -156,11 +174,5 @@ class Many(Shown):
         })  # fmt: skip
         return plain
 
-    def __str__(self) -> str:
-        return self.text()
-
     def _gist(self) -> str:
         return f"of {self.scenario_name}: {self.runs.settings['runs']} runs"
-
-    def _repr_html_(self) -> str:
-        return page(self.scenario_name, verbatim(str(self)))

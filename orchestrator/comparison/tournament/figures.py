@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from ...results.figures.catalogue import Job
+from ...catalogue import Job
 from ...results.figures.drawing import short
 from ...results.responses import unit_of
 from ...style import SMALL, Theme, ThemeName, new_figure, use

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
 from ... import artifacts
+from ...answer import Answer
+from ...catalogue import Job
 from ...lazy import Module
 from ...results.responses import unit_of
-from ...shown import Picture, Shown, page, verbatim
+from ...shown import Picture
 from ..common.evaluation import ALL
+from ..common.tables import DIFFERENCES, LEVELS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,14 +24,14 @@ if TYPE_CHECKING:
     from ...style import ThemeName
 
 words = Module("sblcosim.comparison.tournament.sentences")
-figures = Module("sblcosim.comparison.tournament.figures")
+drawings = Module("sblcosim.comparison.tournament.figures")
 
 RESPONSE = "absolute_total_rms_m"
 """What is compared by default."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Tournament(Shown):
+class Tournament(Answer):
     """Who is better, where, by how much, and how sure that is. Made by `compare`.
 
     Attributes
@@ -56,6 +59,9 @@ class Tournament(Shown):
         the next time: in no file. None where it cannot be told.
     """
 
+    document = "compare"
+    columns = MappingProxyType({"levels": LEVELS, "differences": DIFFERENCES})
+
     settings: Mapping[str, Any]
     receivers: tuple[str, ...]
     places: tuple[str, ...]
@@ -70,9 +76,29 @@ class Tournament(Shown):
         return str(self.settings["response"])
 
     @property
+    def title(self) -> str:
+        """Of a page."""
+        return "Comparison"
+
+    @property
     def answer(self) -> str:
         """Which receiver is best, in a sentence or two."""
         return str(words.answer(self))
+
+    @property
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """All runs, and what is said of them."""
+        return {"runs": self.table, "levels": self.levels, "differences": self.differences}
+
+    @property
+    def figures(self) -> list[Job]:
+        """Means and paired differences."""
+        return [drawings.job(self)]
+
+    @property
+    def remarks(self) -> list[str]:
+        """What must be known to read the answer, a line each."""
+        return [*words.notes(self)]
 
     @property
     def problems(self) -> list[str]:
@@ -92,7 +118,7 @@ class Tournament(Shown):
 
     def plot(self, axes: Sequence[Axes] | None = None, theme: ThemeName = "light") -> Picture:
         """Means and paired differences; see `figures.plot_tournament`."""
-        return Picture(figures.plot_tournament(*figures.shown(self), axes, theme), axes)
+        return Picture(drawings.plot_tournament(*drawings.shown(self), axes, theme), axes)
 
     def text(self, *, verbose: bool = False, width: int | None = None) -> str:
         """The answer, then the tables.
@@ -105,29 +131,6 @@ class Tournament(Shown):
             Columns to fit into; None: sentences are not wrapped.
         """
         return str(words.text(self, verbose, width))
-
-    def save(
-        self,
-        directory: str | Path,
-        *,
-        drawn: bool = True,
-        theme: ThemeName = "light",
-        other: artifacts.Other = "refuse",
-    ) -> Path:
-        """Write tables, figure and manifest into a folder; see `sblcosim.Result.save`.
-
-        Equal runs give equal files.
-        """
-        from ... import style
-
-        style.named(theme)
-        with artifacts.draft(directory, self.manifest(), other) as draft:
-            for name in ("table", "levels", "differences"):
-                file = "runs" if name == "table" else name
-                artifacts.write_table(getattr(self, name), draft.folder, file)
-            if drawn:
-                figures.job(self).save(draft.folder, theme)
-        return draft.saved
 
     def manifest(self) -> dict[str, Any]:
         """What was compared, as plain data."""
@@ -151,11 +154,5 @@ class Tournament(Shown):
         )
         return plain
 
-    def __str__(self) -> str:
-        return self.text()
-
     def _gist(self) -> str:
         return f"of {', '.join(self.receivers)}: {self.answer}"
-
-    def _repr_html_(self) -> str:
-        return page("Comparison", verbatim(str(self)))

@@ -23,11 +23,11 @@ from sblcosim.models.platform.beaufort import LEVELS
 from scipy import stats
 
 from ...analysis.two_level.ranking import ranking
+from ...catalogue import Figure, Job, by_name
+from ...catalogue import jobs as jobs_of
 from ...data.record import Record
 from ...data.truth import recorded
 from ...results.figures import run as plots
-from ...results.figures.catalogue import Figure, Job, by_name
-from ...results.figures.catalogue import jobs as jobs_of
 from ...results.result import Result
 from ...scenario.scenario import load as load_scenario
 from ...study.again import replay

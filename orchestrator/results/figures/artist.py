@@ -19,8 +19,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from ...catalogue import Job
     from ...style import ThemeName
-    from .catalogue import Job
 
 
 class Artist:

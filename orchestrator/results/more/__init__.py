@@ -1,7 +1,7 @@
 """Responses and figures of a run that are a file each: modules of this folder are found.
 
 A module may have ``RESPONSES``, rows of the name, the words and the function of a
-`sblcosim.results.responses.Run`, and ``FIGURES``, of `sblcosim.results.figures.catalogue.Figure`.
+`sblcosim.results.responses.Run`, and ``FIGURES``, of `sblcosim.catalogue.Figure`.
 """
 
 from __future__ import annotations

@@ -15,13 +15,14 @@ import numpy as np
 import pandas as pd
 import pytest
 import sblcosim
-from sblcosim import artifacts, calibrate, style
-from sblcosim.analysis import sweep, workflow
+from sblcosim import artifacts, calibrate, catalogue, style
+from sblcosim.analysis import workflow
 from sblcosim.analysis.advice import advice
 from sblcosim.analysis.advice import figures as advice_figures
 from sblcosim.analysis.advice import saving as advice_saving
 from sblcosim.analysis.levels import analysis as general
 from sblcosim.analysis.levels import figures as general_figures
+from sblcosim.analysis.means import analysis as sweep
 from sblcosim.analysis.space import analysis as sensitivity
 from sblcosim.analysis.space import figures as sensitivity_figures
 from sblcosim.analysis.two_level import analysis as factorial
@@ -44,7 +45,6 @@ from sblcosim.report import two_level as report
 from sblcosim.report.paper import figures as paper_figures
 from sblcosim.require import figures as require_figures
 from sblcosim.results import result
-from sblcosim.results.figures import catalogue
 from sblcosim.results.figures import run as figures
 from sblcosim.scenario.wiring import connect
 from sblcosim.simulation import execution
@@ -118,7 +118,7 @@ CALLS: dict[str, Any] = {
     "results.result.Result.plot_errors theme": RESULT.plot_errors,
     "results.result.Result.plot_errors frame": RESULT.plot_errors,
     "results.result.Result.plot_inclination theme": RESULT.plot_inclination,
-    "results.figures.catalogue.Job.axes theme": catalogue.Job(
+    "catalogue.Job.axes theme": catalogue.Job(
         "x", figures.plot_path, (RECORD, {})
     ).axes,
     "areas.figures.plot_map theme": partial(area_figures.plot_map, AREA),
@@ -149,7 +149,7 @@ CALLS: dict[str, Any] = {
     "comparison.budget.result.Budget.plot theme": BUDGET.plot,
     "style.use theme": lambda theme: style.use(theme).__enter__(),
     "style.named theme": style.named,
-    "analysis.sweep.plot_means theme": partial(sweep.plot_means, MEANS),
+    "analysis.means.analysis.plot_means theme": partial(sweep.plot_means, MEANS),
     "analysis.two_level.analysis.analyse seeding": partial(factorial.analyse, RUNS, "ab", "y"),
     "analysis.two_level.analysis.analyse error": partial(factorial.analyse, RUNS, "ab", "y"),
     "analysis.workflow.of_table error": partial(of_runs, workflow.of_table),
@@ -217,8 +217,8 @@ ELSEWHERE = {
     "analysis.workflow.of_space transform": "analysis.space.analysis.indices",
     "report.study.save transform": "report.two_level.find",
     "analysis.two_level.saving.write theme": "analysis.two_level.saving.save",
-    "results.figures.catalogue.Job.save theme": "results.figures.catalogue.Job.axes",
-    "results.figures.catalogue.drawing theme": "results.figures.catalogue.Job.axes",
+    "catalogue.Job.save theme": "catalogue.Job.axes",
+    "catalogue.drawing theme": "catalogue.Job.axes",
     "comparison.budget.result.Budget.save theme": "comparison.budget.result.Budget.plot",
     "comparison.budget.result.Budget.save other": "artifacts.draft",
     "packages.recording.Recording.save theme": "results.result.Result.save",

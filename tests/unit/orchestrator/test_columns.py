@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import sblcosim
 from sblcosim.cli.documents.by_command import schema
+from sblcosim.data.tables import Columns, TableColumn
 from sblcosim.judge import metrics
 from sblcosim.judge.columns import (
     CHI_SQUARES,
@@ -15,8 +16,6 @@ from sblcosim.judge.columns import (
     ESTIMATES,
     SUMMARY,
     TABLES,
-    RunTable,
-    TableColumn,
 )
 from sblcosim.results import notebook, text
 from synthetic_record import make_record, track
@@ -65,7 +64,7 @@ MORE = (
 
 
 @pytest.fixture
-def more(monkeypatch: pytest.MonkeyPatch) -> RunTable:
+def more(monkeypatch: pytest.MonkeyPatch) -> Columns:
     table = replace(ERRORS, columns=(*ERRORS.columns, *MORE))
     for module in (metrics, text, notebook):
         monkeypatch.setattr(module, "ERRORS", table)

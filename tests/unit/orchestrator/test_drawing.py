@@ -18,9 +18,9 @@ from typing import Any
 import pytest
 from matplotlib.axes import Axes
 from sblcosim import style
+from sblcosim.catalogue import Job
 from sblcosim.results.figures import artist
 from sblcosim.results.figures.artist import Artist, drawing, forked_artist
-from sblcosim.results.figures.catalogue import Job
 
 HERE = os.getpid()
 PATIENCE = 300.0

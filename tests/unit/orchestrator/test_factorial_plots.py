@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 from matplotlib.text import Text
 from sblcosim import style
-from sblcosim.analysis import sweep
 from sblcosim.analysis.advice.advice import advise
+from sblcosim.analysis.means import analysis as sweep
 from sblcosim.analysis.two_level import figures as plots
 from sblcosim.analysis.two_level.analysis import Factorial, analyse
 from scipy import stats

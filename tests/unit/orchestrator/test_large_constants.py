@@ -14,8 +14,8 @@ import mpmath
 import numpy as np
 import pandas as pd
 import pytest
-from sblcosim.analysis import sweep
 from sblcosim.analysis.levels import analysis as general
+from sblcosim.analysis.means import analysis as sweep
 from sblcosim.analysis.two_level import analysis as factorial
 from sblcosim.analysis.two_level.box_cox import box_cox
 from sblcosim.analysis.two_level.power import detectable

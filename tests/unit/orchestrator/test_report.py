@@ -14,12 +14,12 @@ from sblcosim import style
 from sblcosim.analysis.two_level import figures
 from sblcosim.analysis.two_level.analysis import analyse
 from sblcosim.analysis.two_level.ranking import ranking
+from sblcosim.catalogue import by_name
 from sblcosim.data.record import Record
 from sblcosim.report import paper
 from sblcosim.report import two_level as factorial
 from sblcosim.report.page import Code, Page, PagePicture, PageTable, Section, Text, inline, render
 from sblcosim.report.paper.figures import FIGURES, plot_waves
-from sblcosim.results.figures.catalogue import by_name
 from sblcosim.study import study
 from synthetic_record import make_record
 

@@ -26,10 +26,10 @@ from sblcosim.fmus.build import factory
 from sblcosim.judge.definitions import LOST
 from sblcosim.report.common import as_toml
 from sblcosim.require import figures, limiting, report, sequential, weighing
-from sblcosim.require.answer import Answer, missing
 from sblcosim.require.figures import plot_front, plot_narrow
 from sblcosim.require.file_schema import question_schema
 from sblcosim.require.question import Question, passable
+from sblcosim.require.result import Answer, missing
 from sblcosim.require.run import decided
 from sblcosim.require.sequential import Elimination, Rule, looks, percentile
 from sblcosim.require.weighing import answered

@@ -10,10 +10,10 @@ import pandas as pd
 import pytest
 from pyarrow import parquet
 from sblcosim import style
+from sblcosim.catalogue import jobs
 from sblcosim.data.description import RunDescription
 from sblcosim.data.record import Record
 from sblcosim.errors import ConfigurationError
-from sblcosim.results.figures.catalogue import jobs
 from sblcosim.results.result import FIGURES as FIGURES_OF_A_RUN
 from sblcosim.results.result import Result
 from sblcosim.scenario.scenario import shipped

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
-from sblcosim.analysis import sweep
+from sblcosim.analysis.means import analysis as sweep
 
 
 def runs() -> pd.DataFrame:

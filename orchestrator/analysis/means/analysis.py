@@ -10,9 +10,10 @@ import pandas as pd
 from matplotlib.axes import Axes
 from scipy import stats
 
-from ..study.design import Number
-from ..style import ThemeName, new_figure, use
-from .common.centred import centred
+from ...study.design import Number
+from ...style import ThemeName, new_figure, use
+from ..common.centred import centred
+from .tables import MEANS
 
 
 def means(
@@ -51,8 +52,7 @@ def means(
             (factor, value, *_mean(group, confidence))
             for value, group in mine.groupby(factor, sort=True)[response]
         ]
-    columns = ["factor", "value", "runs", "mean", "std", "low", "high"]
-    return pd.DataFrame(rows, columns=columns)
+    return pd.DataFrame(rows, columns=MEANS.names)
 
 
 def _mean(values: pd.Series[float], confidence: float) -> tuple[int, float, float, float, float]:

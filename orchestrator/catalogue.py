@@ -11,7 +11,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from ... import style
+from . import style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from html import escape
 from math import isfinite
+from pathlib import Path
 from string import ascii_uppercase
-from typing import Any, get_args
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 import pandas as pd
 
-from .. import layout
+from .. import artifacts, layout
+from ..answer import Answer
+from ..catalogue import Figure, Job, by_name, jobs
 from ..comparison.common.statistics import share_interval
 from ..judge.definitions import LOST
+from ..lazy import Module
 from ..scenario.scenario import Scenario
-from ..shown import Shown, folded, page, verbatim
+from ..shown import folded, page, verbatim
 from ..words.lists import doing, listed, plural
 from ..words.numbers import bounds, figure
 from ..words.shares import percent
@@ -23,6 +29,17 @@ from . import limiting
 from .limiting import Limiting
 from .question import Question
 from .sequential import FIRST, MOST_RUNS, Decision, Rule
+from .tables import CONDITIONS, DESIGNS
+
+if TYPE_CHECKING:
+    from ..style import ThemeName
+
+plots = Module("sblcosim.require.figures")
+reports: Any = Module("sblcosim.require.report")
+
+REPORT, SCENARIO = "report.html", "scenario.toml"
+FRONT, NARROW = "front", "front_narrow"
+"""The figure, for a wide page and for a narrow one."""
 
 _WITHIN_A_RUN = " The same holds for the percentile of the estimates in a run."
 VERDICTS: tuple[Decision, ...] = get_args(Decision)
@@ -30,8 +47,8 @@ VERDICTS: tuple[Decision, ...] = get_args(Decision)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Answer(Shown):
-    """An answer.
+class Requirement(Answer):
+    """Which designs meet a requirement, and which of them is the cheapest. Made by `decide`.
 
     Attributes
     ----------
@@ -61,6 +78,10 @@ class Answer(Shown):
     until_sure
         Whether designs that are dearer than one that suffices were left alone.
     """
+
+    document = "require"
+    report = REPORT
+    columns = MappingProxyType({"designs": DESIGNS, "conditions": CONDITIONS})
 
     question: Question
     designs: pd.DataFrame
@@ -107,6 +128,61 @@ class Answer(Shown):
             return self.levels(row)
         return f"{self.levels(row)}, for {self.question.price(cost)}"
 
+    @property
+    def title(self) -> str:
+        """Of a page."""
+        return f"Which design: {self.question.requirement}"
+
+    @property
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """All designs, and if there are several conditions, all designs in each."""
+        if len(self.question.conditions) < 2:
+            return {"designs": self.designs}
+        levels = self.designs[[*self.question.study.factors]]
+        own = levels.loc[self.arms["design"]].reset_index(drop=True)
+        return {"designs": self.designs, "conditions": own.join(self.arms.drop(columns="design"))}
+
+    @property
+    def figures(self) -> list[Job]:
+        """Cost and accuracy, for a wide page and for a narrow one, if there are runs."""
+        return jobs(FIGURES, self)
+
+    @property
+    def remarks(self) -> list[str]:
+        """How to read the numbers, a line each."""
+        return self.notes()
+
+    def to_json(self) -> dict[str, Any]:
+        """The designs by cost as plain data, the cheapest first."""
+        terms, rows = self.question.terms, DESIGNS.rows(self.designs)
+        plain: dict[str, Any] = artifacts.plain({
+            "answer": self.answer, "response": self.question.response,
+            "unit": self.question.unit, "limit": terms.limit, "share": terms.share,
+            "confidence": terms.confidence, "most_runs": terms.most_runs, "runs": self.spent,
+            "chosen": self.chosen, "cheaper": self.cheaper, "nearest": self.nearest,
+            "limits": [{"name": n, "without": v} for n, v in self.limits.without.items()],
+            "enough": self.limits.enough,
+            "designs": [{"levels": self.row(n), **row} for n, row in enumerate(rows)],
+        })  # fmt: skip
+        return plain
+
+    def located(self, folder: Path) -> dict[str, Any]:
+        """With the file of the scenario, if a design surely suffices."""
+        scenario = None if self.chosen is None else str(folder / SCENARIO)
+        return {**super().located(folder), "scenario": scenario}
+
+    def manifest(self) -> dict[str, Any]:
+        """The question."""
+        return {"question": self.question.terms.model_dump() | {"name": self.question.study.name}}
+
+    def write(
+        self, folder: Path, theme: ThemeName = "light", figures: bool = True
+    ) -> None:
+        """With the page, and the scenario of the design that surely suffices."""
+        super().write(folder, theme, figures)
+        reports.write(self, folder)
+
+    @property
     def answer(self) -> str:
         """In a few sentences: which, what of the next cheaper one, what limits it, how sure."""
         return " ".join(self.sentences())
@@ -420,19 +496,16 @@ class Answer(Shown):
         chosen = "none" if self.chosen is None else self.levels(self.chosen)
         return f"to {self.question.study.name}, on {len(self.designs)} designs; {chosen}"
 
-    def __str__(self) -> str:
-        return self.text()
-
     def _repr_html_(self) -> str:
         head, rows = self.table(self.designs)
         cells = "".join(
             f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows
         )
         return page(
-            f"Which design: {self.question.requirement}",
-            f"<p>{escape(self.answer())}</p>",
+            self.title,
+            f"<p>{escape(self.answer)}</p>",
             f"<table><tr>{''.join(f'<th>{escape(h)}</th>' for h in head)}</tr>{cells}</table>",
-            folded("How to read the numbers", verbatim("\n".join(self.notes()))),
+            folded("How to read the numbers", verbatim("\n".join(self.remarks))),
         )
 
 
@@ -464,3 +537,34 @@ def enough(limits: Limiting, limit: float) -> str:
         return f"It would do without {alone[0]} alone."
     few = listed(limits.enough)
     return f"It would do without {few} together, but not without one of them alone."
+
+
+def _data(answer: Requirement) -> tuple[Requirement]:
+    return (answer,)
+
+
+def _alt(answer: Requirement) -> str:
+    return f"{_what(answer)} of {len(answer.designs)} designs. {answer.sentences()[0]}"
+
+
+def _what(answer: Requirement) -> str:
+    return "Cost and accuracy" if answer.question.costs else "Accuracy"
+
+
+def _caption(answer: Requirement) -> str:
+    return (
+        f"{_what(answer)} of all designs: the value that "
+        f"{percent(answer.question.terms.share)} of the runs are within; bars reach to the bounds "
+        "that are claimed. Letters: the designs that the answer names."
+    )
+
+
+def _has_runs(answer: Requirement) -> bool:
+    return answer.spent > 0
+
+
+FIGURES: Mapping[str, Figure[Requirement]] = by_name(
+    Figure(FRONT, plots.later("plot_front"), _data, _caption, _alt, _has_runs),
+    Figure(NARROW, plots.later("plot_narrow"), _data, _caption, _alt, _has_runs),
+)
+"""The figures in the folder of an answer."""

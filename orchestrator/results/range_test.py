@@ -1,0 +1,18 @@
+"""The table of the range test, its columns declared."""
+
+from __future__ import annotations
+
+from ..data.tables import Columns, TableColumn
+
+RANGE_TEST = Columns(
+    "RangeTest",
+    "The ranges of one distance.",
+    (),
+    (
+        TableColumn("distance_m", "True distance.", "m", "distance_m", type=float),
+        TableColumn("pings", "Number of ranges.", heading="pings", type=int),
+        TableColumn("mean_m", "Of the ranges.", "m", "mean_m", type=float),
+        TableColumn("std_m", "Of the ranges.", "m", "std_m", type=float),
+        TableColumn("error_m", "Mean minus distance.", "m", "error_m", type=float),
+    ),
+)
