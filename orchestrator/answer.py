@@ -26,12 +26,13 @@ class Answer(Shown):
     Attributes
     ----------
     document
-        What it is in JSON: a key of `sblcosim.cli.documents.by_command.DOCUMENTS`.
+        What it is in JSON: a key of `sblcosim.cli.documents.by_command.DOCUMENTS`; empty if no
+        command prints it, as if it is a part of another answer.
     report
         Name of the page in its folder; empty if there is none.
     """
 
-    document: ClassVar[str]
+    document: ClassVar[str] = ""
     report: ClassVar[str] = ""
 
     @property

@@ -42,7 +42,6 @@ class Means(Answer):
         The answer.
     """
 
-    document = "analyse"
     columns = MappingProxyType({"means": MEANS})
 
     study: Study

@@ -46,8 +46,6 @@ class Indices(Extended):
         The response first.
     """
 
-    document = "analyse"
-
     study: Study
     of: tuple[Sensitivity, ...]
 

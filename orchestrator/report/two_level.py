@@ -65,8 +65,6 @@ class Findings(Extended):
         Reasons for each of these that is None.
     """
 
-    document = "analyse"
-
     study: Study
     data: Factorial
     shown: Factorial

@@ -17,7 +17,7 @@ import sblcosim
 from sblcosim import limits
 from sblcosim.report import possible
 from sblcosim.report.page import PageTable
-from sblcosim.report.study import save
+from sblcosim.report.study import analysed
 from sblcosim.results.result import Result
 from sblcosim.scenario.scenario import load
 
@@ -242,7 +242,7 @@ def test_the_report_of_a_study_has_it_for_its_points(tmp_path: Path) -> None:
         assert row[2:] == (f"{expected.absolute_rms:.3g}", f"{expected.relative_rms:.3g}")
         of_runs = table[table["point"] == number]["multilateration.absolute_total_rms_m"]
         assert row[1] == f"{np.sqrt((of_runs**2).mean()):.3g}"
-    save(tmp_path / "runs", tmp_path / "report")
+    analysed(tmp_path / "runs").save(tmp_path / "report")
     page = (tmp_path / "report" / "report.html").read_text("utf-8")
     assert "What is possible" in page
     assert shown.rows[1][2] in page

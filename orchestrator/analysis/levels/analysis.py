@@ -127,7 +127,6 @@ class GeneralFactorial(Answer):
         Of the response itself.
     """
 
-    document = "analyse"
     columns = MappingProxyType({
         "anova": ANOVA, "main_effects": MEANS, "medians": MEDIANS, "cells": CELLS, "pairs": PAIRS,
     })

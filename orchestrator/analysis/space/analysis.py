@@ -96,7 +96,6 @@ class Sensitivity(Answer):
         The response's name for people, if it has one.
     """
 
-    document = "analyse"
     columns = MappingProxyType({"indices": INDICES})
 
     response: str

@@ -147,7 +147,6 @@ class Factorial(Answer):
         Names for people to read, of the factors and of the response, if they have any.
     """
 
-    document = "analyse"
     columns = MappingProxyType({
         "effects": EFFECTS, "anova": ANOVA, "main_effects": MAIN_EFFECTS,
         "interactions": INTERACTIONS,

@@ -204,9 +204,9 @@ def report(
 ) -> None:
     """Print an answer that is in a folder; `shown` is for its text."""
     if as_json:
-        from ..documents.by_command import DOCUMENTS
+        from ..documents.by_command import document
 
-        show(DOCUMENTS[answer.document].of(answer.to_json() | answer.located(folder)))
+        show(document(answer, folder))
     else:
         page = f"; the report is {folder / answer.report}" if answer.report else ""
         typer.echo(answer.text(verbose=verbose, width=width(), **shown))

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import Field
 
+from ...answer import Answer
 from ...judge.columns import ERRORS, PERCENTILES, SUMMARY
 from ...results.range_test import RANGE_TEST
 from ...scenario.json_schema import Plainly
@@ -257,6 +259,11 @@ DOCUMENTS: Mapping[str, type[Document]] = {
 """By command."""
 COMMANDS: Mapping[str, str] = {it: it for it in DOCUMENTS} | {"runs": "run --runs N"}
 """What prints a document."""
+
+
+def document(answer: Answer, folder: Path) -> Document:
+    """An answer that is in a folder, as its document."""
+    return DOCUMENTS[answer.document].of(answer.to_json() | answer.located(folder))
 
 
 def schema(command: str) -> dict[str, Any]:

@@ -363,14 +363,14 @@ def test_the_sentence_names_what_matters() -> None:
     rows = found.of()
     first = rows.index[1]
     share = f"{100 * rows.loc[first, 'share']:.0f} %"
-    assert found.answer().startswith(
+    assert found.answer.startswith(
         f"coupled: {share} of the mean square is {SOURCES[first].words}: "
         f"{rows.loc[ALL, 'rms_m']:.2f} m → {rows.loc[first, 'rms_m']:.2f} m RMS; "
     )
-    better = _found(better=True).answer()
+    better = _found(better=True).answer
     assert re.match(r"coupled: \S.* → .+ takes away \d+ % of the mean square: ", better)
-    assert repr(found) == f"<Budget of {DIVE}: {found.answer()}>"
-    assert found.answer() in found._repr_html_()
+    assert repr(found) == f"<Budget of {DIVE}: {found.answer}>"
+    assert found.answer in found._repr_html_()
 
 
 @pytest.mark.parametrize("width", [60, 80, 120])
@@ -399,11 +399,11 @@ def test_every_share_that_is_surely_negative_is_told() -> None:
 
 def test_the_sentence_says_what_is_left_and_why_shares_are_more_than_the_whole() -> None:
     clause = "; shares add to more than 100 %, as what errors do only together counts for each"
-    alone = _made_up((0.005, 0.0, 0.01), gps=0.9, left=0.1).answer()
+    alone = _made_up((0.005, 0.0, 0.01), gps=0.9, left=0.1).answer
     assert alone.endswith("is the GPS: 1.00 m → 0.32 m RMS; 10 % is left with all off")
-    over = _made_up((0.3, 0.2, 0.4), gps=0.9, left=0.01).answer()
+    over = _made_up((0.3, 0.2, 0.4), gps=0.9, left=0.01).answer
     assert over.endswith(f"RMS; the sound speed 30 %{clause}")
-    assert "better" in _made_up((0.005, 0.0, 0.01), gps=0.9, left=0.1, better=True).answer()
+    assert "better" in _made_up((0.005, 0.0, 0.01), gps=0.9, left=0.1, better=True).answer
 
 
 def test_columns_and_rows_have_names_of_their_own() -> None:
@@ -483,7 +483,7 @@ def test_a_receiver_in_python(tmp_path: Path) -> None:
     assert found.receiver == "Still"
     rows = found.of()
     np.testing.assert_allclose(rows.loc[rows["kind"] == "source", "share"], 0.0, atol=1e-9)
-    assert "no error stands out" in found.answer()
+    assert "no error stands out" in found.answer
     assert rows.loc["GPS", "bound_share"] > 0.01
     with pytest.raises(ConfigurationError, match=r"^untold: must come with one of "):
         sblcosim.budget(PAPER, source, runs=30, untold=True)
@@ -666,7 +666,7 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert document["folder"] == "runs/realistic-dive-budget-2"
     expected = _found(better=True, together=("clock+sound speed",)).to_json()
     assert {k: v for k, v in document.items() if k != "folder"} == expected
-    assert document["answers"]["absolute"] == _found(better=True).answer()
+    assert document["answers"]["absolute"] == _found(better=True).answer
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,6 @@ from sblcosim import artifacts, calibrate, catalogue, style
 from sblcosim.analysis import workflow
 from sblcosim.analysis.advice import advice
 from sblcosim.analysis.advice import figures as advice_figures
-from sblcosim.analysis.advice import saving as advice_saving
 from sblcosim.analysis.levels import analysis as general
 from sblcosim.analysis.levels import figures as general_figures
 from sblcosim.analysis.means import analysis as sweep
@@ -27,7 +26,6 @@ from sblcosim.analysis.space import analysis as sensitivity
 from sblcosim.analysis.space import figures as sensitivity_figures
 from sblcosim.analysis.two_level import analysis as factorial
 from sblcosim.analysis.two_level import figures as effect_figures
-from sblcosim.analysis.two_level import saving
 from sblcosim.areas import figures as area_figures
 from sblcosim.areas import result as area_result
 from sblcosim.areas.grid import Grid
@@ -160,10 +158,6 @@ CALLS: dict[str, Any] = {
     "require.figures.plot_narrow theme": partial(require_figures.plot_narrow, None),
     "analysis.workflow.of_table transform": partial(of_runs, workflow.of_table),
     "report.two_level.find transform": partial(of_runs, report.find),
-    "analysis.two_level.saving.save theme": partial(saving.save, FOUND, "nowhere"),
-    "analysis.advice.saving.save_advice theme": partial(
-        advice_saving.save_advice, ADVICE, "nowhere"
-    ),
     "report.page.inline theme": partial(page.inline, PICTURE),
     "report.paper.figures.plot_waves theme": partial(paper_figures.plot_waves, {"x": RECORD}),
     "export.ssp.export_ssp version": partial(ssp.export_ssp, "paper-scenario-1"),
@@ -211,12 +205,11 @@ ELSEWHERE = {
     "analysis.space.analysis.of_table transform": "analysis.space.analysis.indices",
     "estimation.after.Smoothed.save other": "results.result.Result.save",
     "analysis.workflow.of_study error": "analysis.workflow.of_table",
-    "report.study.save error": "report.two_level.find",
+    "report.study.analysed error": "report.two_level.find",
     "analysis.workflow.of_study transform": "analysis.workflow.of_table",
     "analysis.workflow.of_grid transform": "analysis.levels.analysis.analyse",
     "analysis.workflow.of_space transform": "analysis.space.analysis.indices",
-    "report.study.save transform": "report.two_level.find",
-    "analysis.two_level.saving.write theme": "analysis.two_level.saving.save",
+    "report.study.analysed transform": "report.two_level.find",
     "catalogue.Job.save theme": "catalogue.Job.axes",
     "catalogue.drawing theme": "catalogue.Job.axes",
     "comparison.budget.result.Budget.save theme": "comparison.budget.result.Budget.plot",

@@ -297,7 +297,8 @@ def test_percentiles_are_said_to_be_order_statistics(
 
 @pytest.mark.parametrize("kind", ["full", "grid", "sweep", "single", "space"])
 def test_a_report_says_what_percentiles_and_lost_runs_are(lossy: Path, kind: str) -> None:
-    reports.save(lossy / kind, lossy / f"{kind}-page", "absolute_total_p95_m")
+    analysis = reports.analysed(lossy / kind, "absolute_total_p95_m")
+    analysis.save(lossy / f"{kind}-page", other="replace")
     page = (lossy / f"{kind}-page" / reports.REPORT).read_text("utf-8")
     for said in (ORDER_STATISTIC, LOST):
         assert said in page

@@ -114,7 +114,7 @@ def test_a_study_has_own_relative_columns_and_its_report_the_verdicts(tmp_path, 
             assert table[f"ekf.{column}"].isna().all()
     assert (table["coupled.own_relative_nees_position"] > 0).all()
     assert (table["ekf.own_relative_nees_estimates"] == 0).all()
-    reports.save(tmp_path / "runs", tmp_path / "out", command="x")
+    reports.analysed(tmp_path / "runs", command="x").save(tmp_path / "out", other="replace")
     written = pd.read_csv(tmp_path / "out" / "consistency.csv")
     points = len(table) // 4
     assert len(written) == 4 * points

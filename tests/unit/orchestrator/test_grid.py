@@ -14,7 +14,7 @@ from sblcosim.analysis import workflow
 from sblcosim.analysis.common import columns
 from sblcosim.analysis.common.conditions import of_choices
 from sblcosim.analysis.levels.analysis import GeneralFactorial
-from sblcosim.cli.documents import contents
+from sblcosim.cli.documents.by_command import document as document_of
 from sblcosim.errors import ConfigurationError
 from sblcosim.fmus.build import factory
 from sblcosim.report import levels as level_pages
@@ -239,7 +239,9 @@ def test_a_grid_is_analysed_by_its_levels(tmp_path: Path) -> None:
                  "estimator": {"keys": ["receivers"], "levels": ["ekf", "sequential"]}},
     )  # fmt: skip
     table = made.run(tmp_path / "out")
-    found = reports.save(tmp_path / "out", tmp_path / "page", transform="log")
+    analysis = reports.analysed(tmp_path / "out", transform="log")
+    analysis.save(tmp_path / "page", other="replace")
+    found = analysis.found
     assert isinstance(found, GeneralFactorial)
     assert found.factors == ("gps", "boat", "estimator")
     assert found.runs == 8 * 4
@@ -252,20 +254,21 @@ def test_a_grid_is_analysed_by_its_levels(tmp_path: Path) -> None:
     page = (tmp_path / "page" / "report.html").read_text()
     assert "boat type" in page
     assert "sea (condition, average)" in page
-    document = contents.analysis(found, tmp_path, tmp_path)
+    document: Any = document_of(analysis, tmp_path)
     assert {(row.factor, row.level) for row in document.levels} == {
         ("gps", "standalone"), ("gps", "rtk_fixed"), ("boat", "rib"), ("boat", "ship"),
         ("estimator", "ekf"), ("estimator", "sequential"),
     }  # fmt: skip
     assert len(document.pairs) == 3
     with pytest.raises(ConfigurationError, match="error: must be left out for a design of kind"):
-        reports.save(tmp_path / "out", tmp_path / "other", error="residual")
+        refused = reports.analysed(tmp_path / "out", error="residual")
+        refused.save(tmp_path / "other", other="replace")
 
 
 def test_levels_may_be_texts_of_one_factor_and_numbers_of_another(tmp_path: Path) -> None:
     loss = {"keys": ["acoustics.loss_probability"], "levels": [0, 0.3]}
     small(replicates=4, factors={"gps": GPS, "loss": loss}).run(tmp_path / "out")
-    reports.save(tmp_path / "out", tmp_path / "page")
+    reports.analysed(tmp_path / "out").save(tmp_path / "page", other="replace")
     levels = pd.read_parquet(tmp_path / "page" / "main_effects.parquet")["level"]
     assert levels.tolist() == ["standalone", "rtk_fixed", "0", "0.3"]
 
@@ -325,7 +328,9 @@ def test_the_run_that_ran_away_is_named_and_pairs_are_weighed(tmp_path: Path) ->
     assert f"sblcosim replay RESULTS {planted['run_id'][5]}" in found.text()
     assert "Lost is judged in the last quarter" in found.text()
     assert set(found.pairs["verdict"]) <= {"equal", "differs", "undecided"}
-    saved = reports.save(tmp_path / "s", tmp_path / "a", practical=0.5)
+    analysis = reports.analysed(tmp_path / "s", practical=0.5)
+    analysis.save(tmp_path / "a", other="replace")
+    saved = analysis.found
     assert isinstance(saved, GeneralFactorial)
     assert saved.worst_run in set(runs["run_id"])
     page = (tmp_path / "a" / "report.html").read_text("utf-8")
@@ -365,7 +370,7 @@ def test_pairs_are_judged_by_what_is_said_wherever_they_stand(
     assert by["differs"].tolist() == [False, True, True]
     made = level_pages.parts(of, found, tmp_path).tables
     (page,) = (t for t in made if isinstance(t, PageTable) and t.caption == "Pairs of levels")
-    document = contents.analysis(found, tmp_path, tmp_path).model_dump()["pairs"]
+    document = found.to_json()["pairs"]
     for shown in page.rows:
         one, other = (float(text.removesuffix(" m")) for text in shown[1].split(" less "))
         row = by.loc[(one, other)]
@@ -390,7 +395,7 @@ def test_an_empty_level_is_the_scenario_as_it_is_and_no_level_is_there_twice(
     of = small(factors={"boat": {"levels": {"own": {}, "ship": BOAT["levels"]["ship"]}}})
     assert of.overrides(1) == {}
     of.run(tmp_path / "s")
-    reports.save(tmp_path / "s", tmp_path / "a")
+    reports.analysed(tmp_path / "s").save(tmp_path / "a", other="replace")
     assert "own (the scenario as it is)" in (tmp_path / "a" / "report.html").read_text("utf-8")
     same = {"platform": {"arm_length_m": of.base.platform.arm_length_m}}
     for levels in ({"own": {}, "same": same}, {"own": {}, "none": {}, "s": BOAT["levels"]["rib"]}):

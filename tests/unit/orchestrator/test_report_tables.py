@@ -77,7 +77,7 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Report]:
             whole = invented(store.table(folder / "runs"), kind)
             with Seam() as seam:
                 seam.instead(store.table, lambda _, columns=None: whole.copy())
-                reports.save(folder / "runs", folder / "out", **options)
+                reports.analysed(folder / "runs", **options).save(folder / "out", other="replace")
             made[key] = (tables((folder / "out" / reports.REPORT).read_text("utf-8")),
                          folder / "out", whole)
         return made[key]

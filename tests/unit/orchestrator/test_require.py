@@ -25,11 +25,11 @@ from sblcosim.errors import ConfigurationError
 from sblcosim.fmus.build import factory
 from sblcosim.judge.definitions import LOST
 from sblcosim.report.common import as_toml
-from sblcosim.require import figures, limiting, report, sequential, weighing
+from sblcosim.require import figures, limiting, sequential, weighing
 from sblcosim.require.figures import plot_front, plot_narrow
 from sblcosim.require.file_schema import question_schema
 from sblcosim.require.question import Question, passable
-from sblcosim.require.result import Answer, missing
+from sblcosim.require.result import Requirement, missing
 from sblcosim.require.run import decided
 from sblcosim.require.sequential import Elimination, Rule, looks, percentile
 from sblcosim.require.weighing import answered
@@ -84,7 +84,7 @@ def _quick(seam: Seam) -> None:
 
 
 @pytest.fixture(scope="module")
-def found(tmp_path_factory: pytest.TempPathFactory) -> tuple[Answer, Path]:
+def found(tmp_path_factory: pytest.TempPathFactory) -> tuple[Requirement, Path]:
     out = tmp_path_factory.mktemp("small")
     with Seam() as seam:
         seam.tuned(limiting_runs=40)
@@ -94,7 +94,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> tuple[Answer, Path]:
 def pretended(
     question: Question, share: Mapping[int, float], scale: float = 0.5, seed: int = 1,
     until_sure: bool = False,
-) -> Answer:
+) -> Requirement:
     """The answer if so many runs of each design were within the limit."""
     elimination = Elimination(
         question.rule, [d.group for d in question.designs], question.terms.most_runs,
@@ -266,11 +266,11 @@ def test_a_run_depends_on_its_design_condition_and_number_only() -> None:
 # --- Answers -------------------------------------------------------------------------------------
 
 
-def test_the_answer_of_real_runs(found: tuple[Answer, Path]) -> None:
+def test_the_answer_of_real_runs(found: tuple[Requirement, Path]) -> None:
     answer, out = found
     chosen = answer.of(answer.named)
     assert (chosen["gps"], chosen["arm"], chosen["verdict"]) == (0.1, 3.0, "suffices")
-    text = answer.answer()
+    text = answer.answer
     assert text.startswith("The cheapest design that suffices: GPS 0.1 m, baseline 3 m, for 560 €.")
     assert "The next cheaper one worth its cost fails by" in text
     assert "What limits it most is " in text
@@ -287,7 +287,7 @@ def test_the_answer_of_real_runs(found: tuple[Answer, Path]) -> None:
         assert row["estimate"] == np.quantile(value, 0.9, method="inverted_cdf")
 
 
-def test_the_folder_of_an_answer(found: tuple[Answer, Path]) -> None:
+def test_the_folder_of_an_answer(found: tuple[Requirement, Path]) -> None:
     answer, out = found
     names = {path.name for path in (out / "answer").iterdir()}
     assert names == {"report.html", "front.svg", "front.png", "front_narrow.svg",
@@ -316,14 +316,14 @@ def test_the_folder_of_an_answer(found: tuple[Answer, Path]) -> None:
     assert not other.errors.equals(result.errors)
 
 
-def test_progress_grows_and_leaves_a_rest_for_the_answer(found: tuple[Answer, Path]) -> None:
+def test_progress_grows_and_leaves_a_rest_for_the_answer(found: tuple[Requirement, Path]) -> None:
     shares: list[float] = []
     decided(require.load(QUESTION), found[1] / "runs", How(progress=shares.append))
     assert shares == sorted(shares)
     assert shares[-1] == 0.99
 
 
-def test_any_run_can_be_done_again(found: tuple[Answer, Path]) -> None:
+def test_any_run_can_be_done_again(found: tuple[Requirement, Path]) -> None:
     out = found[1] / "runs"
     run = store.table(out).iloc[100]
     result = sblcosim.study.replay(out, run["run_id"])
@@ -336,7 +336,7 @@ def test_none_suffices_is_an_answer() -> None:
     question = require.load(QUESTION)
     answer = pretended(question, {n: 0.3 + 0.08 * n for n in range(6)})
     assert answer.chosen is None
-    text = answer.answer()
+    text = answer.answer
     assert text.startswith("No design suffices: all 6 surely fail.")
     assert "The nearest, " in text
     assert ", surely by " in text
@@ -348,21 +348,21 @@ def test_open_is_an_answer_and_says_how_many_runs_it_takes() -> None:
     answer = pretended(question, dict.fromkeys(range(6), 1.0))
     assert question.rule.least == 104
     assert answer.designs["verdict"].eq("undecided").all()
-    assert "takes at least 104 runs" in answer.answer()
-    assert "8 more are needed at each of the 6" in answer.answer()
+    assert "takes at least 104 runs" in answer.answer
+    assert "8 more are needed at each of the 6" in answer.answer
     half = pretended(require.load(changed(most_runs=3 * 96)), dict.fromkeys(range(6), 1.0))
-    assert half.answer().endswith("3 were not tried: a first look at all designs takes a budget of "
+    assert half.answer.endswith("3 were not tried: a first look at all designs takes a budget of "
                                   "576 runs.")
-    assert "all 6 stay undecided, 3 of them not tried." in half.answer()
-    assert "all of them good ones; those that are undecided have 0 to 96." in half.answer()
-    assert "tried" not in answer.answer()
+    assert "all 6 stay undecided, 3 of them not tried." in half.answer
+    assert "all of them good ones; those that are undecided have 0 to 96." in half.answer
+    assert "tried" not in answer.answer
     exact = pretended(require.load(QUESTION), {0: 0.5, 1: 0.5, 2: 0.9, 3: 0.5, 4: 0.5, 5: 0.5})
-    assert "The nearest is undecided: GPS 1 m, baseline 0.4 m" in exact.answer()
+    assert "The nearest is undecided: GPS 1 m, baseline 0.4 m" in exact.answer
     # Where all that are undecided have as many runs: what is missing of each.
     strict = require.load(changed(share=0.99, most_runs=6 * 96))
     few = pretended(strict, dict.fromkeys(range(6), 1.0))
     missing = strict.rule.least - 96
-    assert f"there are 96, {missing} more are needed at each of the 6 that" in few.answer()
+    assert f"there are 96, {missing} more are needed at each of the 6 that" in few.answer
     assert strict.rule.verdict(96 + missing, 96 + missing) == "suffices"
 
 
@@ -383,7 +383,7 @@ def test_the_nearest_does_not_surely_fail_while_others_are_open() -> None:
     tried = pretended(require.load(changed(most_runs=3 * 96)), dict.fromkeys(range(6), 0.1))
     assert tried.counts == {"suffices": 0, "fails": 3, "undecided": 3}
     assert tried.nearest < 3
-    text = tried.answer()
+    text = tried.answer
     assert "of 6, 3 fail for sure, 3 stay undecided, none of them tried." in text
     assert f"The nearest of those that were tried, {tried.priced(tried.nearest)}, fails by" in text
     assert "3 were not tried: a first look at all designs takes a budget of 576" in text
@@ -409,10 +409,10 @@ def test_a_cheaper_one_of_the_same_printed_price_is_said_to_be_so() -> None:
     question = require.load(changed(choices={"gps": gps}))
     answer = pretended(question, {0: 0.1, 1: 0.7, 2: 0.99}, scale=2.0)
     assert (answer.chosen, answer.cheaper) == (2, 1)
-    assert "The next one, at the same price, fails" in answer.answer()
-    assert "cheaper one" not in answer.answer()
+    assert "The next one, at the same price, fails" in answer.answer
+    assert "cheaper one" not in answer.answer
     other = pretended(require.load(QUESTION), {0: 0.1, 1: 0.2, 2: 0.99, 3: 0.2, 4: 0.2, 5: 0.2})
-    assert "The next cheaper one worth its cost fails" in other.answer()
+    assert "The next cheaper one worth its cost fails" in other.answer
 
 
 def test_cheaper_designs_that_stay_open_are_told() -> None:
@@ -424,16 +424,16 @@ def test_cheaper_designs_that_stay_open_are_told() -> None:
     assert answer.chosen == 3
     beside = {0, 2} - {answer.cheaper}
     said = "2 stay" if len(beside) == 2 else "1 stays"
-    assert f"Of the cheaper ones, {said} undecided besides." in answer.answer()
+    assert f"Of the cheaper ones, {said} undecided besides." in answer.answer
 
 
 def test_without_any_run_there_is_an_answer() -> None:
     answer = pretended(require.load(changed(most_runs=5)), dict.fromkeys(range(6), 1.0))
     assert answer.spent == 0
     assert answer.limits.without == {}
-    assert "all 6 stay undecided, none of them tried." in answer.answer()
-    assert "nearest" not in answer.answer()
-    assert f"there are 0, {answer.question.rule.least} more are needed" in answer.answer()
+    assert "all 6 stay undecided, none of them tried." in answer.answer
+    assert "nearest" not in answer.answer
+    assert f"there are 0, {answer.question.rule.least} more are needed" in answer.answer
     plot_front(answer)
     assert "–" in answer.text(verbose=True, width=80)
 
@@ -446,7 +446,7 @@ def test_the_cheapest_that_suffices_is_chosen_and_the_next_cheaper_compared() ->
     assert answer.counts == {"suffices": 3, "fails": 3, "undecided": 0}
     cheap = pretended(question, dict.fromkeys(range(6), 0.99))
     assert cheap.chosen == 0
-    assert "Nothing is cheaper." in cheap.answer()
+    assert "Nothing is cheaper." in cheap.answer
 
 
 def test_without_costs_the_most_accurate_is_named(tmp_path: Path) -> None:
@@ -455,10 +455,10 @@ def test_without_costs_the_most_accurate_is_named(tmp_path: Path) -> None:
     question = require.load(changed(choices=tables))
     answer = pretended(question, {0: 0.99, 1: 1.0, 2: 0.2, 3: 0.3, 4: 0.2, 5: 0.1}, scale=0.1)
     assert answer.chosen == answer.designs["estimate"].idxmin()
-    assert answer.answer().startswith("The most accurate design that suffices: ")
-    assert "cheap" not in answer.answer()
+    assert answer.answer.startswith("The most accurate design that suffices: ")
+    assert "cheap" not in answer.answer
     assert "cost" not in answer.text()
-    report.save(answer, tmp_path / "answer")
+    answer.save(tmp_path / "answer", other="replace")
     page = (tmp_path / "answer" / "report.html").read_text("utf-8")
     assert "The most accurate designs" in page
     assert "cheap" not in page.partition("The most accurate designs")[2].partition("Method")[0]
@@ -470,7 +470,7 @@ def test_conditions_are_named_where_they_are_worst() -> None:
     question = require.load(changed(conditions=conditions))
     answer = pretended(question, {0: 0.1, 1: 0.99, 2: 0.2, 3: 0.999, 4: 0.3, 5: 0.99})
     assert set(answer.designs["condition"]) <= {"Beaufort 1", "Beaufort 4"}
-    assert "6 designs in 2 conditions" in answer.answer()
+    assert "6 designs in 2 conditions" in answer.answer
     beaufort = int(answer.of(answer.named)["condition"].split()[-1])
     assert answer.scenario.platform.beaufort == beaufort
 
@@ -536,7 +536,7 @@ def test_a_response_that_no_receiver_has_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("theme", ["light", "dark"])
-def test_the_front_shows_every_design(found: tuple[Answer, Path], theme: Any) -> None:
+def test_the_front_shows_every_design(found: tuple[Requirement, Path], theme: Any) -> None:
     answer = found[0]
     ax = plot_front(answer, theme=theme)
     drawn = np.concatenate([line.get_xydata() for line in ax.lines if line.get_marker() in "oXD"])
@@ -551,7 +551,7 @@ def test_the_front_shows_every_design(found: tuple[Answer, Path], theme: Any) ->
     assert min(sizes) >= 8
 
 
-def at(answer: Answer, **columns: list[Any]) -> Answer:
+def at(answer: Requirement, **columns: list[Any]) -> Requirement:
     """An answer whose designs have other values in some columns."""
     designs = answer.designs.assign(**columns)
     known = designs["estimate"].fillna(np.inf)
@@ -654,7 +654,7 @@ def test_the_front_names_the_answer_and_the_next_cheaper_alone() -> None:
     assert len(plot_front(none).texts) == 1
 
 
-def test_what_decides_is_first_in_the_table(found: tuple[Answer, Path]) -> None:
+def test_what_decides_is_first_in_the_table(found: tuple[Requirement, Path]) -> None:
     head, rows = found[0].table(found[0].designs)
     assert head == ["GPS · baseline", "verdict", "90 % within [m]", "cost", "within", "surely",
                     "runs"]  # fmt: skip
@@ -849,8 +849,8 @@ def test_the_answer_ends_when_it_is_sure() -> None:
     assert (ended.designs["runs"] < whole.designs["runs"])[3:].all()
     left = int((ended.designs["verdict"] == "undecided").sum())
     assert left == 3
-    assert "3 that are dearer were left undecided." in ended.answer()
-    assert "dearer" not in whole.answer()
+    assert "3 that are dearer were left undecided." in ended.answer
+    assert "dearer" not in whole.answer
     free = require.load(changed(choices={
         name: {k: v for k, v in table.items() if k != "costs"}
         for name, table in QUESTION["choices"].items()
@@ -865,7 +865,7 @@ def test_an_answer_that_ends_when_it_is_sure_counts_the_runs_that_are_there(
     """A dear design is near the limit, and would go on when a cheaper one suffices."""
     asked = require.load(changed(limit=2.6, most_runs=2000))
     ended = require.decide(asked, tmp_path / "ended", until_sure=True)
-    assert "1 that is dearer was left undecided." in ended.answer()
+    assert "1 that is dearer was left undecided." in ended.answer
     once_more = require.decide(asked, tmp_path / "ended", until_sure=True)
     pd.testing.assert_frame_equal(once_more.designs, ended.designs)
     whole = require.decide(asked, tmp_path / "ended")
@@ -884,7 +884,7 @@ def test_an_answer_without_costs_leaves_none_alone_and_says_so() -> None:
     said = "None was left alone for being dearer: no design has a cost."
     for until_sure in (False, True):
         answer = pretended(free, dict.fromkeys(range(6), 0.99), until_sure=until_sure)
-        assert (said in answer.answer()) == until_sure
+        assert (said in answer.answer) == until_sure
 
 
 @pytest.mark.parametrize("conditions", [None, CONDITIONS])
@@ -894,7 +894,7 @@ def test_of_a_decided_design_only_the_end_of_its_claim_is_drawn_and_written(
     question = require.load(changed(conditions=conditions, most_runs=6000))
     answer = pretended(question, {0: 0.75, 1: 0.9, 2: 0.8, 3: 0.97, 4: 0.9, 5: 0.98})
     assert set(answer.designs["verdict"]) == {"suffices", "fails", "undecided"}
-    report.save(answer, tmp_path / "a")
+    answer.save(tmp_path / "a", other="replace")
     tables = [answer.designs, answer.arms, pd.read_parquet(tmp_path / "a" / "designs.parquet")]
     if conditions:
         tables.append(pd.read_parquet(tmp_path / "a" / "conditions.parquet"))
@@ -946,7 +946,7 @@ def test_of_a_design_of_which_too_many_are_lost_no_distance_is_said() -> None:
     designs = answer.designs.assign(estimate=np.inf)
     for lower, bound in ((2.0, ", and 90 % are surely not within less than 2 m."), (-np.inf, ".")):
         lost = replace(answer, designs=designs.assign(lower=lower))
-        assert f"fewer than 90 % end well{bound}" in lost.answer()
+        assert f"fewer than 90 % end well{bound}" in lost.answer
         for text in (lost.text(), lost.text(verbose=True)):
             assert "a loss" not in text
             assert text.count(LOST) == 1
@@ -956,7 +956,7 @@ def test_of_a_design_of_which_too_many_are_lost_no_distance_is_said() -> None:
 
 
 def test_runs_that_are_there_count_whatever_the_budget_is(
-    found: tuple[Answer, Path], tmp_path: Path
+    found: tuple[Requirement, Path], tmp_path: Path
 ) -> None:
     before, folder = found
     shutil.copytree(folder, tmp_path / "again")
@@ -964,7 +964,7 @@ def test_runs_that_are_there_count_whatever_the_budget_is(
         again = require.decide(QUESTION, tmp_path / "again", most_runs=budget)
         pd.testing.assert_frame_equal(again.designs, before.designs)
         said = f"That took {before.spent:,} runs: runs that were there count beyond"
-        assert (said in again.answer()) == (budget < before.spent)
+        assert (said in again.answer) == (budget < before.spent)
     assert len(store.table(tmp_path / "again" / "runs")) == before.spent
     fresh = require.decide(QUESTION, tmp_path / "fresh", most_runs=2 * 96)
     assert fresh.spent == 2 * 96
@@ -990,7 +990,8 @@ def test_the_report_has_the_conditions(tmp_path: Path) -> None:
     }  # fmt: skip
     question = require.load(changed(conditions=conditions))
     answer = pretended(question, {0: 0.1, 1: 0.99, 2: 0.2, 3: 0.999, 4: 0.3, 5: 0.99})
-    page = html.unescape((report.save(answer, tmp_path) / "report.html").read_text("utf-8"))
+    folder = answer.save(tmp_path, other="replace")
+    page = html.unescape((folder / "report.html").read_text("utf-8"))
     part = page.partition('id="conditions"')[2].partition("<section")[0]
     for text in ("Beaufort", "1, 4", "a design must suffice in each of them", "packet loss",
                  "0, 0.3", "each run is in one of them, drawn at random"):  # fmt: skip
@@ -1003,15 +1004,15 @@ def test_the_report_has_the_conditions(tmp_path: Path) -> None:
     assert len(table) == 6 * 2
     assert table["passed"].tolist() == answer.arms["passed"].tolist()
     assert table["gps"].tolist() == [x for x in answer.designs["gps"] for _ in range(2)]
-    plain = report.save(pretended(require.load(QUESTION), dict.fromkeys(range(6), 0.3)),
-                        tmp_path / "plain")  # fmt: skip
+    alone = pretended(require.load(QUESTION), dict.fromkeys(range(6), 0.3))
+    plain = alone.save(tmp_path / "plain")
     assert "Conditions" not in (plain / "report.html").read_text("utf-8")
     assert not (plain / "conditions.csv").exists()
 
 
 def test_without_runs_there_is_no_chart(tmp_path: Path) -> None:
     answer = pretended(require.load(changed(most_runs=95)), dict.fromkeys(range(6), 1.0))
-    folder = report.save(answer, tmp_path)
+    folder = answer.save(tmp_path, other="replace")
     assert not [*folder.glob("front*")]
     page = (folder / "report.html").read_text("utf-8")
     assert "<svg" not in page
@@ -1019,7 +1020,8 @@ def test_without_runs_there_is_no_chart(tmp_path: Path) -> None:
     assert "no design was tried" in [text.get_text() for text in plot_front(answer).texts]
     few = pretended(require.load(changed(most_runs=96)), dict.fromkeys(range(6), 1.0))
     assert few.spent == 96
-    assert "<svg" in (report.save(few, tmp_path / "few") / "report.html").read_text("utf-8")
+    folder = few.save(tmp_path / "few", other="replace")
+    assert "<svg" in (folder / "report.html").read_text("utf-8")
 
 
 @pytest.mark.parametrize("name", sorted(RESPONSES))

@@ -17,7 +17,7 @@ from sblcosim import cli
 from sblcosim.analysis import workflow
 from sblcosim.analysis.space import analysis as sensitivity
 from sblcosim.analysis.space import sentences as sensitivity_sentences
-from sblcosim.cli.documents import contents
+from sblcosim.cli.documents.by_command import document as document_of
 from sblcosim.errors import ConfigurationError
 from sblcosim.report import study as reports
 from sblcosim.report.common import as_toml
@@ -189,21 +189,22 @@ def test_reports_and_documents_say_which_rows_are_left_out(
     made.run(tmp_path / "out")
     if refused:
         with pytest.raises(ConfigurationError, match="of at least 80 % of the base rows, got "):
-            reports.save(tmp_path / "out", tmp_path / "page")
+            reports.analysed(tmp_path / "out").save(tmp_path / "page", other="replace")
         assert not (tmp_path / "page").exists()
         return
-    found = reports.save(tmp_path / "out", tmp_path / "page")
-    assert isinstance(found, Indices)
-    assert 0 < found.main.left_out < 0.2 * 256
-    sentence = sensitivity_sentences.answer(found.main)
+    found = reports.analysed(tmp_path / "out")
+    found.save(tmp_path / "page", other="replace")
+    assert isinstance(found.found, Indices)
+    assert 0 < found.found.main.left_out < 0.2 * 256
+    sentence = sensitivity_sentences.answer(found.found.main)
     assert sentence.startswith("Without ")
-    document = contents.analysis(found, tmp_path, tmp_path)
+    document: Any = document_of(found, tmp_path)
     assert document.answer == sentence
-    assert document.left_out == found.main.left_out / 256
-    assert document.dropped == found.main.dropped >= found.main.left_out
+    assert document.left_out == found.found.main.left_out / 256
+    assert document.dropped == found.found.main.dropped >= found.found.main.left_out
     page = re.sub(r"\s+", " ", (tmp_path / "page" / "report.html").read_text())
     assert sentence.replace("'", "&#39;") in page
-    assert f"{found.main.left_out} of 256 base rows are left out" in page
+    assert f"{found.found.main.left_out} of 256 base rows are left out" in page
 
 
 PROBLEMS = [
@@ -254,20 +255,21 @@ def test_what_is_wrong_with_a_function_is_said(changes: dict[str, Any], message:
 def test_a_space_is_reported(tmp_path: Path) -> None:
     made = dive(responses=["absolute_total_p95_m"])
     table = made.run(tmp_path / "out")
-    found = reports.save(tmp_path / "out", tmp_path / "page", "absolute_total_p95_m")
-    assert isinstance(found, Indices)
-    assert found.main.transform == "log"  # of errors, unless told otherwise
+    found = reports.analysed(tmp_path / "out", "absolute_total_p95_m")
+    found.save(tmp_path / "page", other="replace")
+    assert isinstance(found.found, Indices)
+    assert found.found.main.transform == "log"  # of errors, unless told otherwise
     assert made.sample is not None
     direct = sensitivity.of_table(made.sample, table, "coupled.absolute_total_p95_m")
-    pd.testing.assert_frame_equal(found.main.indices, direct[0].indices)
+    pd.testing.assert_frame_equal(found.found.main.indices, direct[0].indices)
     written = pd.read_csv(tmp_path / "page" / "indices.csv")
     assert written["factor"].tolist()[:4] == ["gps", "tick", "imu", "seed"]
     page = (tmp_path / "page" / "report.html").read_text()
     assert "log-uniform, range 0.01 to 3" in page
-    document = contents.analysis(found, tmp_path, tmp_path)
+    document: Any = document_of(found, tmp_path)
     assert [row.factor for row in document.indices[:4]] == ["gps", "tick", "imu", "seed"]
     with pytest.raises(ConfigurationError, match="practical: must be left out for a design of"):
-        reports.save(tmp_path / "out", tmp_path / "other", practical=1.0)
+        reports.analysed(tmp_path / "out", practical=1.0).save(tmp_path / "other", other="replace")
     assert not (tmp_path / "other").exists()
 
 

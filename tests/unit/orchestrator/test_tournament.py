@@ -505,20 +505,20 @@ def test_the_typical_and_the_worst_run_are_those_of_the_table(several: many.Many
 def test_many_runs_are_a_folder_with_two_results_that_is_replaced_whole(
     several: many.Many, tmp_path: Path
 ) -> None:
-    folder = several.save(tmp_path / "m", drawn=False)
+    folder = several.save(tmp_path / "m", figures=False)
     assert {"runs.csv", "levels.csv", "typical", "worst", "manifest.json"} <= {
         file.name for file in folder.iterdir()
     }
     for which in ("typical", "worst"):
         about = json.loads((folder / which / "manifest.json").read_text())
         assert about["seeds"]["acoustics"] == several.drawn_seeds[which]
-    assert several.save(tmp_path / "m", drawn=False) == folder
+    assert several.save(tmp_path / "m", figures=False) == folder
     (tmp_path / "empty").mkdir()
-    several.save(tmp_path / "empty", drawn=False)
+    several.save(tmp_path / "empty", figures=False)
     assert (tmp_path / "empty" / "worst" / "record.csv").is_file()
     (folder / "worst" / "mine.txt").write_text("mine")
     with pytest.raises(ConfigurationError, match=r"worst: must be empty .*got 'mine.txt' in it"):
-        several.save(tmp_path / "m", drawn=False, other="replace")
+        several.save(tmp_path / "m", figures=False, other="replace")
     assert (folder / "worst" / "mine.txt").read_text() == "mine"
 
 
