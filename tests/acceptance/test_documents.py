@@ -33,10 +33,11 @@ from sblcosim.study.study import load
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 RECIPES = ROOT / "CONTRIBUTING.md"
+ROOMS = ("models", "fmus", "orchestrator", "tests", "tools")
 DOCUMENTS = [
     *(ROOT / name for name in ("README.md", "ARCHITECTURE.md", "CHANGELOG.md")), RECIPES,
     *sorted(path for path in ROOT.glob("docs/**/*.md") if "made" not in path.parts),
-    *sorted(ROOT.glob("models/*/README.md")), *sorted(ROOT.glob("orchestrator/*/README.md")),
+    *sorted(path for name in ROOMS for path in (ROOT / name).rglob("README.md")),
     ROOT / "fmus" / "conformance" / "FOREIGN.md",
 ]  # fmt: skip
 NOT_RUN = {
