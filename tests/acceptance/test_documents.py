@@ -183,6 +183,17 @@ def test_files_that_a_document_names_exist(path: Path) -> None:
             assert (path.parent / name).exists() or (ROOT / name).exists(), name
 
 
+def test_the_readme_of_a_room_is_a_page_of_the_site() -> None:
+    included = {
+        (page.parent / name).resolve()
+        for page in DOCUMENTS if DOCS in page.parents
+        for name in re.findall(r"^```\{include\} (\S+)$", page.read_text("utf-8"), re.MULTILINE)
+    }  # fmt: skip
+    readmes = {path for name in ROOMS for path in (ROOT / name).rglob("README.md")}
+    assert len(readmes) > 25
+    assert readmes - included == set()
+
+
 WITHOUT_SITE = {
     "scenario.md": ("scenario-keys", "sblcosim new my.toml"),
     "commands.md": ("commands", "sblcosim --help"),

@@ -418,7 +418,8 @@ def test_words_are_defined_in_their_room_only() -> None:
         (module.where, node.name)
         for module in modules().values()
         for node in module.tree.body
-        if isinstance(node, ast.FunctionDef) and node.name.lstrip("_") in words
+        if isinstance(node, ast.FunctionDef)
+        and node.name.lstrip("_") in words
         and module.where.startswith("orchestrator/")
     ]
     assert [it for it in defined if not it[0].startswith("orchestrator/words/")] == []
@@ -473,7 +474,8 @@ def texts() -> dict[Path, str]:
     return {
         path: path.read_text("utf-8")
         for path in [*files, ROOT / "pyproject.toml"]
-        if path.suffix in WRITTEN and not {"made", "ready", "__pycache__"} & {*path.parts}
+        if path.suffix in WRITTEN
+        and not {"made", "ready", "__pycache__"} & {*path.parts}
         and path != Path(__file__)
     }
 
