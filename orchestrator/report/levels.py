@@ -7,8 +7,7 @@ from pathlib import Path
 import pandas as pd
 
 from ..analysis.levels import sentences
-from ..analysis.levels.analysis import GeneralFactorial
-from ..analysis.levels.catalogue import FIGURES
+from ..analysis.levels.analysis import FIGURES, GeneralFactorial
 from ..judge.definitions import LOST
 from ..study.study import Study
 from ..words.numbers import interval, number, probability

@@ -56,7 +56,7 @@ class Analysis(Extended):
     report = REPORT
 
     found: Findings | GeneralFactorial | Indices | Means
-    source: Source
+    source: StudiedRuns
 
     @property
     def main(self) -> Findings | GeneralFactorial | Indices | Means:
@@ -145,7 +145,7 @@ def analysed(
     if study.design.kind in ("grid", "space"):
         _check_options(study, order=order, error=error, practical=practical)
     column = columns.column_of(table, response, receiver)
-    source = Source(
+    source = StudiedRuns(
         study,
         column,
         int(table["error"].notna().sum()),
@@ -187,7 +187,7 @@ def _check_options(
 
 
 @dataclass(frozen=True, eq=False)
-class Source:
+class StudiedRuns:
     """Where the runs are from.
 
     Attributes
@@ -215,7 +215,7 @@ class Source:
     possible: list[Block]
 
 
-def _page(own: StudySections, source: Source) -> Page:
+def _page(own: StudySections, source: StudiedRuns) -> Page:
     """The page of any design but a two-level one."""
     summary = [Text(own.answer, "answer"), *(Text(line, "note") for line in own.warnings)]
     return Page(
@@ -232,7 +232,7 @@ def _page(own: StudySections, source: Source) -> Page:
     )
 
 
-def _covariances(source: Source) -> list[Block]:
+def _covariances(source: StudiedRuns) -> list[Block]:
     """Whether the covariances are right, as a table."""
     rows = [
         (
@@ -301,7 +301,7 @@ def _lead(study: Study, runs: int, failed: int) -> str:
     return f"{text}; {failed} of them failed." if failed else f"{text}."
 
 
-def _factorial_page(findings: Findings, folder: Path, source: Source) -> Page:
+def _factorial_page(findings: Findings, folder: Path, source: StudiedRuns) -> Page:
     study, a = findings.study, findings.shown
     how: list[Block] = [
         Text(method(a)), Text(DEFINITIONS),
@@ -331,7 +331,7 @@ def _figures(pictures: Sequence[PagePicture], seen: int = 2) -> Section:
     return Section("Figures", "figures", pictures[:seen], more)
 
 
-def _tables(source: Source, first: Section) -> Section:
+def _tables(source: StudiedRuns, first: Section) -> Section:
     """All tables, folded but for their headings."""
     parts = [
         first,

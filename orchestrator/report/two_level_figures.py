@@ -8,8 +8,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from ..analysis.two_level import figures as plots
+from ..analysis.two_level.analysis import FIGURES as OF_ANALYSIS
 from ..analysis.two_level.analysis import Factorial
-from ..analysis.two_level.catalogue import FIGURES as OF_ANALYSIS
 from ..catalogue import Figure, by_name
 from ..style import ThemeName
 from .two_level import Findings

@@ -33,10 +33,11 @@ from sblcosim.study.study import load
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 RECIPES = ROOT / "CONTRIBUTING.md"
+ROOMS = ("models", "fmus", "orchestrator", "tests", "tools")
 DOCUMENTS = [
     *(ROOT / name for name in ("README.md", "ARCHITECTURE.md", "CHANGELOG.md")), RECIPES,
     *sorted(path for path in ROOT.glob("docs/**/*.md") if "made" not in path.parts),
-    *sorted(ROOT.glob("models/*/README.md")), *sorted(ROOT.glob("orchestrator/*/README.md")),
+    *sorted(path for name in ROOMS for path in (ROOT / name).rglob("README.md")),
     ROOT / "fmus" / "conformance" / "FOREIGN.md",
 ]  # fmt: skip
 NOT_RUN = {
@@ -180,6 +181,17 @@ def test_files_that_a_document_names_exist(path: Path) -> None:
     for name in [*(a or b for a, b in links), *named]:
         if not name.startswith(("fmus/fmi2/", "fmus/fmi3/")):  # `sblcosim build` makes these
             assert (path.parent / name).exists() or (ROOT / name).exists(), name
+
+
+def test_the_readme_of_a_room_is_a_page_of_the_site() -> None:
+    included = {
+        (page.parent / name).resolve()
+        for page in DOCUMENTS if DOCS in page.parents
+        for name in re.findall(r"^```\{include\} (\S+)$", page.read_text("utf-8"), re.MULTILINE)
+    }  # fmt: skip
+    readmes = {path for name in ROOMS for path in (ROOT / name).rglob("README.md")}
+    assert len(readmes) > 25
+    assert readmes - included == set()
 
 
 WITHOUT_SITE = {

@@ -32,7 +32,7 @@ from sphinx.util.inventory import InventoryFile
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 BESIDE = ("README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "CHANGELOG.md", "models", "fmus",
-          "orchestrator")  # fmt: skip
+          "orchestrator", "tests", "tools")  # fmt: skip
 """What pages of the site include."""
 NO_NETWORK = """
 import socket

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import ast
+import itertools
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -40,7 +41,7 @@ LONG_FUNCTIONS = {
     "cli.commands.studies.analyse": _COMMAND,
     "cli.commands.studies.study": _COMMAND,
     "comparison.budget.run.budget": _OPTIONS,
-    "report.study.save": _OPTIONS,
+    "report.study.analysed": _OPTIONS,
     "require.run.decide": _OPTIONS,
     "simulation.masters.lanes.execute": _OPTIONS,
     "study.runner.run": _OPTIONS,
@@ -61,6 +62,19 @@ TWICE = {
     "Unit": _WHERE_FMUS_ARE_MADE_FROM,
 }
 """Names of classes that have two meanings, and why."""
+
+WRITTEN = (".py", ".c", ".h", ".m", ".md", ".toml", ".jinja", ".css", ".sh", ".ipynb")
+DATA = ("csv", "fmu", "html", "json", "parquet", "svg", "xml")
+"""How names of files end that are made."""
+NOWHERE = {"Platform6": "the component Platform, built for six beacons"}
+"""Names in documents that are in no source, and what they are."""
+ALL_ABOVE, GROUND = "all above", "the ground"
+LAST_OF_GROUND, NOT_OF_GROUND = "orchestrator/answer", "fmus/conformance"
+NOT_USED_YET = {
+    ("orchestrator/results/more", "orchestrator/results/figures"):
+        "a figure that is added there is a row of the table of figures",
+}  # fmt: skip
+"""What a room is allowed and does not use, and why."""
 
 
 @dataclass(frozen=True)
@@ -117,29 +131,95 @@ def arrows() -> dict[str, set[str]]:
     return {name: set(imports(module)) - {name} for name, module in modules().items()}
 
 
-@cache
-def rooms() -> dict[str, tuple[str, ...]]:
-    """The table of rooms in ARCHITECTURE.md: folders or modules, and what each may import."""
-    text = (ROOT / "ARCHITECTURE.md").read_text("utf-8")
-    table = text.partition("<!-- rooms -->\n")[2].partition("\n\n")[0]
-    found: dict[str, tuple[str, ...]] = {}
-    for line in table.splitlines()[2:]:
+@dataclass(frozen=True)
+class Row:
+    """A row of a table of rooms; all rooms are folders or modules below `ROOT`."""
+
+    where: str
+    rooms: tuple[str, ...]
+    named: tuple[str, ...]
+    all_above: bool
+    line: str
+
+
+def table(document: Path) -> Iterator[Row]:
+    """The table of a document, if it has one: ARCHITECTURE.md, or the README of a room."""
+    text = document.read_text("utf-8") if document.is_file() else ""
+    where = document.relative_to(ROOT).as_posix()
+    for line in text.partition("<!-- rooms -->\n")[2].partition("\n\n")[0].splitlines()[2:]:
         room, _, allowed = (cell.strip() for cell in line.strip("|").split("|"))
-        named = tuple(name.rstrip("/") for name in re.findall(r"`([^`]+)`", allowed))
-        if allowed.startswith("all above"):
-            named = tuple(found)
-        elif allowed.startswith("the ground"):
-            named = tuple(r if r in found else f"orchestrator/{r}" for r in named)
-            ground = tuple(found)[: list(found).index("orchestrator/data") + 1]
-            named = tuple(r for r in found if any(f"{r}/".startswith(f"{n}/") for n in named))
-            named += tuple(r for r in ground if r != "fmus/conformance")
-        for name in re.findall(r"`([^`]+)`", room):
-            found[name.rstrip("/")] = named
-    return found
+        names = () if allowed in ("–", ALL_ABOVE, GROUND) else tuple(allowed.split(", "))
+        yield Row(
+            where, tuple(place(document, name) for name in re.findall(r"`([^`]+)`", room)),
+            tuple(place(document, name) for name in names), allowed == ALL_ABOVE, line,
+        )  # fmt: skip
+
+
+def place(document: Path, name: str) -> str:
+    """Where the room is that a table means."""
+    name, folder = name.rstrip("/"), document.parent
+    if folder == ROOT:
+        return name if name.partition("/")[0] in FOLDERS else f"orchestrator/{name}"
+    inside = folder.relative_to(ROOT).as_posix()
+    return inside if name == folder.name else f"{inside}/{name}"
+
+
+@cache
+def outer_rows() -> tuple[Row, ...]:
+    return tuple(table(ROOT / "ARCHITECTURE.md"))
+
+
+@cache
+def inner_rows() -> dict[str, tuple[Row, ...]]:
+    """Of each room with rooms inside: their rows."""
+    outer = [room for row in outer_rows() for room in row.rooms]
+    tables = {room: tuple(table(ROOT / room / "README.md")) for room in outer}
+    return {room: rows for room, rows in tables.items() if rows}
+
+
+def inside(outer: str) -> list[str]:
+    """The rooms inside a room of the outer table, itself among them, in their order."""
+    return [room for row in inner_rows().get(outer, ()) for room in row.rooms] or [outer]
+
+
+@cache
+def order() -> tuple[str, ...]:
+    """All rooms, as if the inner tables stood in the outer one."""
+    return tuple(room for row in outer_rows() for outer in row.rooms for room in inside(outer))
+
+
+def meant(name: str) -> set[str]:
+    """The rooms that a name stands for: itself and those inside it, above its own row."""
+    rooms_in = inside(name)
+    return set(rooms_in[: rooms_in.index(name) + 1])
+
+
+def allowed_by(row: Row) -> set[str]:
+    """What a row allows."""
+    first = order().index(inside(row.rooms[0])[0])
+    if row.all_above:
+        return set(order()[:first])
+    ground = order()[: order().index(LAST_OF_GROUND) + 1]
+    beyond = set(ground) - {NOT_OF_GROUND} if first >= len(ground) else set()
+    return beyond.union(*map(meant, row.named))
+
+
+@cache
+def rooms() -> dict[str, set[str]]:
+    """All rooms, and what each may import."""
+    found: dict[str, set[str]] = {}
+    for row in outer_rows():
+        for outer in row.rooms:
+            found |= {
+                room: allowed_by(row).union(*map(meant, inner.named))
+                for inner in inner_rows().get(outer, ())
+                for room in inner.rooms
+            } or {outer: allowed_by(row)}
+    return {room: found[room] for room in order()}
 
 
 def room_of(module: Module) -> str:
-    """The innermost row of the table that holds a module."""
+    """The innermost row of the tables that holds a module."""
     where = module.path.relative_to(ROOT).with_suffix("").as_posix().removesuffix("/__init__")
     return max((r for r in rooms() if f"{where}/".startswith(f"{r}/")), key=len, default="")
 
@@ -188,50 +268,96 @@ def functions(module: Module) -> Iterator[tuple[str, int, int]]:
     yield from walk(module.tree, module.name.removeprefix("sblcosim."))
 
 
+def climbing(drawn: Mapping[str, Collection[str]]) -> list[str]:
+    """The arrows that no row allows."""
+    known = modules()
+    return [
+        f"{known[name].where} imports {known[other].where}"
+        for name, others in drawn.items()
+        for other in others
+        if room_of(known[other]) not in (room_of(known[name]), *rooms()[room_of(known[name])])
+    ]
+
+
 def test_the_rooms_are_all_in_the_table_and_there() -> None:
-    assert len(rooms()) > 10
+    assert len(outer_rows()) > 10
+    assert len(inner_rows()) > 5
+    assert len(set(order())) == len(order())
     assert {m.where for m in modules().values() if not room_of(m)} == set()
-    for room, allowed in rooms().items():
+    for room in rooms():
         assert (ROOT / room).is_dir() or (ROOT / f"{room}.py").is_file(), room
-        assert set(allowed) <= set(rooms()), room
 
 
-def test_the_table_of_rooms_goes_one_way() -> None:
-    order = list(rooms())
+def test_a_folder_inside_a_room_is_a_room() -> None:
+    """Those of components belong to `models/`, whose declarations know them all."""
+    folders = {Path(module.where).parent.as_posix() for module in modules().values()}
+    components = {f for f in folders if f.startswith("models/")} - {*rooms()}
+    assert folders - components - {*rooms()} == set()
+    assert all((ROOT / Path(*Path(f).parts[:2]) / "variables.py").is_file() for f in components)
+
+
+def test_the_tables_of_rooms_go_one_way() -> None:
     for room, allowed in rooms().items():
-        assert all(order.index(other) < order.index(room) for other in allowed), room
+        assert all(order().index(other) < order().index(room) for other in allowed), room
+    for row in itertools.chain(outer_rows(), *inner_rows().values()):
+        first = order().index(row.rooms[0])
+        assert all(order().index(name) < first for name in row.named), row.line
+        assert len(set(row.named)) == len(row.named), row.line
+
+
+def test_the_architecture_is_read_in_five_minutes() -> None:
+    lines = (ROOT / "ARCHITECTURE.md").read_text("utf-8").splitlines()
+    assert len(lines) <= 170
+    assert sum(map(len, lines)) <= 14_000
+    assert len(outer_rows()) <= 35
+    assert [row.line for row in outer_rows() if len(row.line) > 110] == []
 
 
 def test_no_arrow_climbs() -> None:
-    known = modules()
-    climbing = []
-    for name, others in arrows().items():
-        room = room_of(known[name])
-        for other in others:
-            target = room_of(known[other])
-            if target not in (room, *rooms()[room]):
-                climbing.append(f"{known[name].where} imports {known[other].where}")
-    assert climbing == []
+    assert climbing(arrows()) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "other"),
+    [
+        ("analysis.two_level.fit", "analysis.levels.cells"),
+        ("judge.definitions", "results.responses"),
+        ("simulation.plans.plan", "simulation.children.process"),
+        ("results.figures.run", "results.result"),
+        ("tracks.read", "models.settings.beacons"),
+        ("study.batch", "fmus.conformance.kit"),
+        ("require.run", "report.paper.numbers"),
+        ("errors", "fmus.host.instances"),
+    ],
+)
+def test_an_arrow_that_climbs_is_found(name: str, other: str) -> None:
+    drawn = {f"sblcosim.{name}": {f"sblcosim.{other}"}}
+    assert climbing(drawn) == [
+        f"{modules()[f'sblcosim.{name}'].where} imports {modules()[f'sblcosim.{other}'].where}"
+    ]
 
 
 def test_a_room_is_not_allowed_what_it_does_not_use() -> None:
-    """So that the table is what is, beyond the ground that everybody may use."""
+    """So that the tables are what is, beyond the ground that everybody may use."""
     known = modules()
-    used: dict[str, set[str]] = {}
+    used: dict[str, set[str]] = {room: set() for room in rooms()}
     for name, others in arrows().items():
-        used.setdefault(room_of(known[name]), set()).update(room_of(known[o]) for o in others)
-    text = (ROOT / "ARCHITECTURE.md").read_text("utf-8").partition("<!-- rooms -->\n")[2]
-    idle = []
-    for line in text.partition("\n\n")[0].splitlines()[2:]:
-        room, _, allowed = (cell.strip() for cell in line.strip("|").split("|"))
-        if allowed.startswith("the ground"):
-            (name,) = re.findall(r"`([^`]+)`", room)
-            for other in re.findall(r"`([^`]+)/?`", allowed):
-                target = other.rstrip("/")
-                target = target if target in rooms() else f"orchestrator/{target}"
-                if not any(f"{it}/".startswith(f"{target}/") for it in used[name.rstrip("/")]):
-                    idle.append(f"{name} does not use {target}")
-    assert idle == []
+        used[room_of(known[name])].update(room_of(known[other]) for other in others)
+
+    def idle(rooms_of_row: Iterable[str], named: Iterable[str]) -> Iterator[tuple[str, str]]:
+        of_all = set().union(*(used[room] for room in rooms_of_row))
+        yield from ((min(rooms_of_row), name) for name in named if not meant(name) & of_all)
+
+    outer = (
+        pair for row in outer_rows()
+        for pair in idle([r for room in row.rooms for r in inside(room)], row.named)
+    )  # fmt: skip
+    inner = (
+        pair for rows in inner_rows().values() for row in rows
+        for pair in idle(row.rooms, row.named)
+    )  # fmt: skip
+    assert {*outer, *inner} == set(NOT_USED_YET)
+    assert all(NOT_USED_YET.values())
 
 
 def test_there_are_no_circles() -> None:
@@ -292,7 +418,8 @@ def test_words_are_defined_in_their_room_only() -> None:
         (module.where, node.name)
         for module in modules().values()
         for node in module.tree.body
-        if isinstance(node, ast.FunctionDef) and node.name.lstrip("_") in words
+        if isinstance(node, ast.FunctionDef)
+        and node.name.lstrip("_") in words
         and module.where.startswith("orchestrator/")
     ]
     assert [it for it in defined if not it[0].startswith("orchestrator/words/")] == []
@@ -328,3 +455,85 @@ def test_what_is_to_be_found_is_there() -> None:
             assert re.search(rf"\b{name or ''}\b", file.read_text("utf-8")), row
             named += bool(name)
     assert named >= 5
+
+
+def documents() -> list[Path]:
+    """What tells where something is: ARCHITECTURE.md, CONTRIBUTING.md and the rooms' READMEs."""
+    folders = (ROOT / name for name in (*FOLDERS, "tests", "tools"))
+    return [
+        ROOT / "ARCHITECTURE.md", ROOT / "CONTRIBUTING.md",
+        *sorted(path for folder in folders for path in folder.rglob("README.md")),
+    ]  # fmt: skip
+
+
+@cache
+def texts() -> dict[Path, str]:
+    """All that is written by hand in the folders of the sources, the tests and the tools."""
+    folders = (*FOLDERS, "tests", "tools", "benchmarks", "docs", "examples")
+    files = (path for folder in folders for path in (ROOT / folder).rglob("*"))
+    return {
+        path: path.read_text("utf-8")
+        for path in [*files, ROOT / "pyproject.toml"]
+        if path.suffix in WRITTEN
+        and not {"made", "ready", "__pycache__"} & {*path.parts}
+        and path != Path(__file__)
+    }
+
+
+@cache
+def words() -> set[str]:
+    """All names in what is no document: alone, and with the name before them."""
+    code = "\n".join(text for path, text in texts().items() if path.suffix != ".md")
+    return {*re.findall(r"\w+", code), *re.findall(r"(?=\b(\w+\.\w+))", code)}
+
+
+def missing(document: Path, text: str) -> list[str]:
+    """Paths, modules and names in a document that are nowhere.
+
+    A path is one from the document's folder, or from the root. ``module.name`` is a name in a
+    module, and a name in brackets after a path is in that file.
+    """
+    prose = re.sub(r"^```.*?^```$", "", text, flags=re.DOTALL | re.MULTILINE)
+    paths = re.findall(r"`([^`\n]+)`(?:\s\(`(\w+)`[^)]*\))?", prose)
+    return [
+        f"{name} ({inner})" if inner else name
+        for name, inner in paths
+        if name not in NOWHERE and not _is_there(document.parent, name, inner)
+    ]
+
+
+def _is_there(folder: Path, name: str, inner: str) -> bool:
+    file, dotted = re.fullmatch(r"[\w./*-]+", name), re.fullmatch(r"(\w+)\.(\w+)(\(\))?", name)
+    if file and (name.endswith("/") or Path(name).suffix in WRITTEN):
+        if name == f"{folder.name}/":
+            return True
+        homes = [folder, ROOT, *([ROOT / "orchestrator"] if folder == ROOT else [])]
+        found = [path for home in homes for path in home.glob(name)]
+        return any(not inner or path.is_dir() or _says(path, inner) for path in found)
+    if dotted and dotted[2] not in DATA:
+        called = (path for path in texts() if path.stem == dotted[1] and path.suffix != ".md")
+        owns = (path for path, text in texts().items() if f"class {dotted[1]}" in text)
+        return name.removesuffix("()") in words() or any(
+            _says(path, dotted[2]) for path in (*called, *owns)
+        )
+    if plain := re.fullmatch(r"(\w*[_A-Z]\w*)(\(\))?", name):
+        return plain[1] in words()
+    return True
+
+
+def _says(path: Path, name: str) -> bool:
+    return bool(re.search(rf"\b{name}\b", texts().get(path, "")))
+
+
+@pytest.mark.parametrize("path", documents(), ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_what_a_document_names_is_there(path: Path) -> None:
+    assert missing(path, path.read_text("utf-8")) == []
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["`sequential.py`", "`study/gone.py`", "`orchestrator/gone/`", "`batch.gone`", "`_goneFrom`",
+     "`study/batch.py` (`_gone`)", "`models/*/gone.py`", "`Campaign.gone`", "`GoneAway`"],
+)  # fmt: skip
+def test_what_is_nowhere_is_found(name: str) -> None:
+    assert len(missing(ROOT / "orchestrator" / "README.md", f"See {name} there.")) == 1

@@ -20,7 +20,7 @@ import pandas as pd
 
 from ... import artifacts
 from ...answer import Answer
-from ...catalogue import Job, jobs
+from ...catalogue import Figure, Job, by_name, jobs
 from ...errors import ConfigurationError, check_choice, nearest
 from ...lazy import Module
 from ...shown import Picture, folded, page, verbatim
@@ -28,7 +28,6 @@ from ...study.design import Level
 from ..common.bounds import runs_to_see
 from ..common.model import Term, term_name
 from ..common.options import Options, Seeding, Transform
-from .catalogue import FIGURES
 from .cells import Cells, cells_of
 from .linear import LinearModel, SumsType, fitted_model
 from .medians import median_pairs
@@ -508,3 +507,37 @@ def _spread(cells: Cells) -> tuple[float, float]:
         return np.nan, np.nan
     std = np.sqrt(cells.squares[several] / (cells.runs[several] - 1))
     return float(std.min()), float(std.max())
+
+
+# --- Figures -------------------------------------------------------------------------------------
+
+
+def _of(analysis: GeneralFactorial) -> tuple[GeneralFactorial]:
+    return (analysis,)
+
+
+FIGURES: Mapping[str, Figure[GeneralFactorial]] = by_name(
+    Figure(
+        "main_effects", drawings.later("plot_means"), _of,
+        lambda a: f"{a.shown_of} at each level; bars are its interval alone." if a.by_medians else (
+            f"{a.mean_of} at each level, every combination of the others counted "
+            "once; bars are the intervals of these means alone."
+        ),
+        lambda a: f"{'Medians' if a.by_medians else 'Means'} of {a.quantity} by level of "
+        f"{', '.join(a.factors)}",
+    ),
+    Figure(
+        "pairs", drawings.later("plot_pairs"), _of,
+        lambda a: "Differences of levels, with intervals that hold for all pairs of a factor at "
+        "once: what leaves zero differs.",
+        lambda a: "Differences of pairs of levels with simultaneous intervals",
+    ),
+    Figure(
+        "interactions", drawings.later("plot_interactions"), _of,
+        lambda a: f"Interactions: mean {a.quantity} at pairs of levels. Lines that are not "
+        "parallel are an interaction.",
+        lambda a: "Interaction plots of pairs of factors",
+        lambda a: len(a.factors) > 1,
+    ),
+)  # fmt: skip
+"""The figures of a grid."""

@@ -33,7 +33,7 @@ from scipy import stats
 
 from ... import artifacts
 from ...answer import Answer
-from ...catalogue import Job, jobs
+from ...catalogue import Figure, Job, by_name, jobs
 from ...lazy import Module
 from ...shown import Picture, folded, page, verbatim
 from ..common.model import (
@@ -48,7 +48,6 @@ from ..common.model import (
 )
 from ..common.options import Error, Method, Options, Seeding, Transform
 from ..common.runs import check_columns, transformed, usable
-from .catalogue import FIGURES
 from .effects import (
     anova_table,
     effect_table,
@@ -75,6 +74,9 @@ if TYPE_CHECKING:
 
 sentences: Any = Module("sblcosim.analysis.two_level.sentences")
 drawings: Any = Module("sblcosim.analysis.two_level.figures")
+
+MOST_BARS = 20
+"""Effects that a Pareto chart shows at most."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -490,3 +492,53 @@ def _assembled(
         table=data,
         reduced=model.reduced,
     )
+
+
+# --- Figures -------------------------------------------------------------------------------------
+
+
+def _analysis(analysis: Factorial) -> tuple[Factorial]:
+    return (analysis,)
+
+
+def _pareto(a: Factorial) -> str:
+    count, shown = len(a.effects), min(len(a.effects), MOST_BARS)
+    part = f"the {shown} largest of {count} effects" if shown < count else f"all {count} effects"
+    if a.lenth is None:
+        return (f"Pareto chart of the standardised effects |t|, {part}. What crosses the line is "
+                "significant; hatched bars are negative effects.")
+    own = f" in {a.unit}" if a.unit else ""
+    return (f"Pareto chart of the size of the effects{own}, {part}. What crosses the margin of "
+            "error (ME) is significant if looked at alone, what crosses the simultaneous one (SME) "
+            "also as one of many; hatched bars are negative effects.")
+
+
+def _largest(a: Factorial) -> str:
+    top = ", ".join(map(str, a.ranked().index[:3]))
+    return f"Pareto chart; the largest effects are {top}"
+
+
+FIGURES: Mapping[str, Figure[Factorial]] = by_name(
+    Figure("pareto", drawings.later("plot_pareto"), _analysis, _pareto, _largest),
+    Figure(
+        "main_effects", drawings.later("plot_main_effects"), _analysis,
+        lambda f: f"Main effects: mean {f.quantity} at both levels of each factor"
+        f"{', with its interval' if f.replicate_effects is None else ''}, "
+        "and the overall mean.",
+        lambda f: f"Main effects; overall mean {f.overall_mean:.3g}"
+        f"{f.unit and f' {f.unit}'}",
+    ),
+    Figure(
+        "interactions", drawings.later("plot_interactions"), _analysis,
+        lambda f: f"Interactions: mean {f.quantity} at each pair of levels. "
+        "Lines that are not parallel are an interaction.",
+        lambda f: "Matrix of interaction plots, one for each pair of factors",
+        lambda f: len(f.factors) > 1,
+    ),
+    Figure(
+        "residuals", drawings.later("plot_residuals"), _analysis,
+        lambda f: "Residuals: normal probability, histogram, against fits, and against the "
+        "random run order.",
+        lambda f: "Four plots of the residuals",
+    ),
+)  # fmt: skip

@@ -25,9 +25,8 @@ from ...words.numbers import minus
 from ...words.shares import percent
 from ..common.figures import add_legend, panels_in, quantity_of, with_unit, wrapped
 from ..common.model import Floats
-from .analysis import Factorial
+from .analysis import MOST_BARS, Factorial
 from .box_cox import box_cox
-from .catalogue import MOST_BARS
 
 RASTER_FROM = 1000
 """From this many points on, an SVG holds a raster image of them."""
