@@ -2,20 +2,20 @@
 
 ``{scenario-keys} TABLE`` lists the keys of a table of a scenario file, from the declarations of the
 components and the schema; ``{commands}`` all commands of ``sblcosim`` with their options;
-``{json-documents}`` what they print with ``--json``; ``{columns} TABLE`` the columns of a table of
-a run, from `sblcosim.judge.columns`.
+``{json-documents}`` what they print with ``--json``; ``{columns} NAME`` the columns of a
+table, from their declaration, such as `sblcosim.judge.columns.ERRORS`.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from importlib import import_module
 from typing import Any
 
 from docutils import nodes
 from sblcosim.cli.common.app import app
 from sblcosim.cli.documents.by_command import DOCUMENTS, schema
-from sblcosim.judge.columns import TABLES
 from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.declaration import INT32_MAX, UNITS, Component, Condition, Variable
 from sblcosim.models.settings.assumptions import SOURCES
@@ -58,7 +58,7 @@ class JsonDocuments(SphinxDirective):
 
 
 class Columns(SphinxDirective):
-    """The columns of a table of a run."""
+    """The columns of a table."""
 
     required_arguments = 1
 
@@ -307,9 +307,10 @@ def _json_type(said: Mapping[str, Any]) -> str:
 # --- Columns of tables ---------------------------------------------------------------------------
 
 
-def columns(table: str) -> Iterator[str]:
+def columns(name: str) -> Iterator[str]:
     """Markdown of the columns of a table; those of which the same is said share the last's row."""
-    declared = TABLES[table]
+    module, _, name = name.rpartition(".")
+    declared = getattr(import_module(module), name)
     alike: dict[tuple[str, str], list[str]] = {}
     for column in (*declared.index, *declared.columns):
         one_of = ", ".join(f"`{word}`" for word in column.choices)
@@ -320,6 +321,8 @@ def columns(table: str) -> Iterator[str]:
     yield "* - column\n  - unit\n  - what it is"
     for (unit, words), names in alike.items():
         yield f"* - {', '.join(names)}\n  - {unit}\n  - {words}"
+    if declared.more:
+        yield f"* - …\n  -\n  - {declared.more}"
     yield ":::"
 
 

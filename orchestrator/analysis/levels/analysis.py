@@ -225,7 +225,7 @@ class GeneralFactorial(Answer):
     @property
     def title(self) -> str:
         """Of a page."""
-        return f"Levels of {', '.join(self.readable.factors)}"
+        return f"Means of {self.readable.quantity}"
 
     @property
     def answer(self) -> str:
@@ -307,7 +307,7 @@ class GeneralFactorial(Answer):
     def _repr_html_(self) -> str:
         shown = self.readable
         return page(
-            f"Means of {shown.quantity}",
+            self.title,
             f"<p>{escape(self.answer)}</p>",
             shown.anova.to_html(float_format="{:.4g}".format, border=0, na_rep=""),
             shown.means.to_html(float_format="{:.4g}".format, border=0, index=False),

@@ -56,6 +56,9 @@ MEDIANS = Columns(
         TableColumn("low",
                     "Of the interval by order statistics; null if the runs are too few for one."),
         TableColumn("high", "As low."),
+        TableColumn("all_low", "Of the interval that holds for all levels of the factor at once.",
+                    in_json=False),
+        TableColumn("all_high", "As all_low.", in_json=False),
     ),
 )
 PAIRS = Columns(

@@ -252,7 +252,7 @@ class Sensitivity(Answer):
     def _repr_html_(self) -> str:
         table = self.ranked().rename(index=self.name_of)
         return page(
-            f"Sobol' indices of {self.quantity}",
+            self.title,
             f"<p>{escape(self.answer)}</p>",
             table.to_html(float_format="{:.3f}".format, border=0),
             folded("How to read the numbers", verbatim("\n".join(self.remarks))),

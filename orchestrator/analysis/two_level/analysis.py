@@ -336,7 +336,7 @@ class Factorial(Answer):
         table = shown.ranked().to_html(float_format="{:.4g}".format, border=0)
         notes = "\n".join(sentences.notes(shown))
         return page(
-            f"Effects on {shown.quantity}",
+            self.title,
             f"<p>{escape(self.answer)}</p>",
             table,
             folded("How to read the numbers", verbatim(notes)),

@@ -8,6 +8,7 @@ import pytest
 from matplotlib.text import Text
 from sblcosim import style
 from sblcosim.analysis.advice.advice import advise
+from sblcosim.analysis.advice.figures import plot_front
 from sblcosim.analysis.means import analysis as sweep
 from sblcosim.analysis.two_level import figures as plots
 from sblcosim.analysis.two_level.analysis import Factorial, analyse
@@ -40,7 +41,7 @@ def sweep_means(analysis: Factorial, ax=None):
 def front(analysis: Factorial, ax=None):
     """Cost and accuracy of the same points."""
     found = advise(analysis.table, analysis.factors, analysis.response, {}, unit="$5$")
-    return plots.plot_front(found, ax)
+    return plot_front(found, ax)
 
 
 @pytest.fixture(scope="module")
@@ -196,7 +197,7 @@ def test_no_legend_covers_anything(replicated, plot):
 def test_points_of_the_front_say_what_is_new_after_the_cheaper_one_before(replicated):
     costs = {"gps": {1.0: 100.0, 3.0: 0.0}, "arm": {1.0: 0.0, 3.0: 5.0}}
     found = advise(replicated.table, replicated.factors, replicated.response, costs)
-    drawn = plots.plot_front(found)
+    drawn = plot_front(found)
     points = found.points[found.points["front"]].sort_values("cost")
     assert len(points) > 1
     before: dict[str, float] = {}
