@@ -27,6 +27,7 @@ from sblcosim.analysis.advice import of_study as study_advice
 from sblcosim.areas.survey import map_area
 from sblcosim.calibrate import calibrate
 from sblcosim.cli.documents import contents
+from sblcosim.cli.documents.by_command import document
 from sblcosim.cli.documents.document import Document
 from sblcosim.comparison.budget.run import budget
 from sblcosim.comparison.many.run import run_many
@@ -213,6 +214,7 @@ class Made:
                 root.attach_mock(stand_in, name)
                 seam.instead(thing, stand_in)
             seam.instead(Document.of, MagicMock())
+            seam.instead(document, MagicMock())
             seam.instead(forked_artist, MagicMock())
             patch.setattr(time, "perf_counter", lambda: 0.0)
             patch.setattr(sys, "stdin", _Terminal("\n" * 100))
