@@ -20,6 +20,7 @@ import pytest
 from distributed import LocalCluster
 from sblcosim.errors import ConfigurationError
 from sblcosim.fmus import stopping
+from sblcosim.simulation.how import How
 from sblcosim.study import campaign, executors, store, study
 from seams import Seam
 
@@ -177,9 +178,12 @@ def test_a_worker_that_ended_before_it_got_runs_is_said_too() -> None:
     with ProcessPoolExecutor(1) as pool:
         with pytest.raises(BrokenExecutor):
             pool.submit(os._exit, 1).result()
-        spread = executors._spread(pool, None, 1, None, [[object()]], lambda part, share: None)
-        with pytest.raises(ConfigurationError, match=r"workers: must live until their runs are"):
-            next(iter(spread))
+        prepared = campaign.prepare(study.load(MADE))
+        with (
+            executors.ready(prepared, How(executor=pool)) as simulate,
+            pytest.raises(ConfigurationError, match=r"workers: must live until their runs are"),
+        ):
+            next(iter(simulate([campaign.batch(prepared, 1, 1)], lambda part, share: None)))
 
 
 def test_a_worker_process_that_ends_is_said_and_nothing_is_lost(
@@ -356,12 +360,12 @@ def test_a_scheduler_that_is_gone_is_said_in_one_line_and_nothing_is_lost(tmp_pa
 
 
 def test_an_fmu_that_was_received_and_damaged_is_taken_from_the_parcel(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seam: Seam
 ) -> None:
     parcel = executors.pack(campaign.prepare(study.load(MADE)))
     monkeypatch.setenv("SBLCOSIM_CACHE", str(tmp_path))
     for damage in (b"", b"PK"):
-        executors._unpacked.clear()
+        seam.forgets(executors)
         executors.unpack(parcel)
         for sha256, (name, content) in parcel.fmus.items():
             path = tmp_path / "received" / sha256 / name

@@ -89,7 +89,7 @@ def test_numbers_are_tuned_in_this_process_and_in_others() -> None:
 
 def test_every_number_of_the_table_is_there_and_used() -> None:
     text = "\n".join(path.read_text("utf-8") for path in FILES if path.name != "seams.py")
-    for known_as, (module, name) in seams._numbers().items():
+    for known_as, (module, name) in seams.numbers().items():
         assert isinstance(getattr(module, name), int | float)
         assert f"{known_as}=" in text or f'"{known_as}"' in text, known_as
 

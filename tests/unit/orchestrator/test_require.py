@@ -24,7 +24,7 @@ from sblcosim.analysis.costs import of_levels
 from sblcosim.errors import ConfigurationError
 from sblcosim.fmus.build import factory
 from sblcosim.report.common import as_toml
-from sblcosim.require import figures, limiting, report, sequential, weighing
+from sblcosim.require import figures, limiting, report, sequential
 from sblcosim.require.answer import Answer, missing
 from sblcosim.require.figures import plot_front, plot_narrow
 from sblcosim.require.file_schema import question_schema
@@ -93,9 +93,9 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> tuple[Answer, Path]:
 
 def pretended(
     question: Question, share: Mapping[int, float], scale: float = 0.5, seed: int = 1,
-    until_sure: bool = False,
+    until_sure: bool = False, over: Mapping[int, float] | None = None,
 ) -> Answer:
-    """The answer if so many runs of each design were within the limit."""
+    """The answer if so many runs of each design were within the limit; ``over``: others by that."""
     elimination = Elimination(
         question.rule, [d.group for d in question.designs], question.terms.most_runs,
         [d.cost for d in question.designs] if until_sure else None,
@@ -109,7 +109,7 @@ def pretended(
                 good = rng.random(batch.stop - batch.start) < share[number]
                 made = question.terms.limit * np.where(
                     good, rng.uniform(0.9, 1.0, len(good)) * (1 - scale * 0.01),
-                    1 + scale * rng.random(len(good)),
+                    1 + (scale * rng.random(len(good)) if over is None else over[number]),
                 )  # fmt: skip
                 values.setdefault((number, batch.condition), []).append(made)
                 passed[number] = int((made <= question.terms.limit).sum())
@@ -368,17 +368,16 @@ def test_open_is_an_answer_and_says_how_many_runs_it_takes() -> None:
 
 def test_the_nearest_does_not_surely_fail_while_others_are_open() -> None:
     """Even where a failing one has a smaller percentile: that one is out of the question."""
-    question = require.load(QUESTION)
-    designs = pretended(question, dict.fromkeys(range(6), 0.5)).designs
-
-    def row(**columns: list[Any]) -> int:
-        return weighing._nearest(designs.assign(**columns))
-
-    estimates = [1.2, 1.1, 1.5, 1.4, float("nan"), float("nan")]
-    verdicts = ["fails", "fails", "undecided", "undecided", "undecided", "undecided"]
-    runs = [96, 96, 96, 96, 0, 0]
-    assert row(estimate=estimates, verdict=verdicts, runs=runs) == 3
-    assert row(estimate=estimates, verdict=["fails"] * 4 + ["undecided"] * 2, runs=runs) == 1
+    question = require.load(changed(most_runs=4 * 96))
+    over = {0: 0.2, 1: 0.1, 2: 0.5, 3: 0.4}
+    open_ = pretended(question, {0: 0.6, 1: 0.6, 2: 0.86, 3: 0.86}, over=over)
+    assert open_.designs["verdict"].tolist() == ["fails"] * 2 + ["undecided"] * 4
+    assert open_.designs["runs"].tolist() == [96] * 4 + [0] * 2
+    np.testing.assert_allclose(open_.designs["estimate"][:4], [1.2, 1.1, 1.5, 1.4])
+    assert open_.nearest == 3
+    failing = pretended(question, dict.fromkeys(range(4), 0.6), over=over)
+    assert failing.designs["verdict"].tolist() == ["fails"] * 4 + ["undecided"] * 2
+    assert failing.nearest == 1
     # Where all that were tried fail, it is said that others were not.
     tried = pretended(require.load(changed(most_runs=3 * 96)), dict.fromkeys(range(6), 0.1))
     assert tried.counts == {"suffices": 0, "fails": 3, "undecided": 3}
@@ -689,8 +688,16 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_named_receiver_leaves_the_keys_of_others_behind(receiver: str) -> None:
     """The paper's scenario has keys that only its own receiver takes."""
     base = sblcosim.load("paper-scenario-1", {"time.duration_s": 5.0})
-    named = weighing._with_receiver(base, receiver)
-    assert named.receiver.type == receiver
+    levels = ["ekf", "coupled", "sequential", "multilateration"]
+    answer = pretended(
+        require.load(changed(
+            choices={"who": {"keys": ["receivers"], "levels": levels}}, settling_time_s=0.0,
+            fixed={"time.duration_s": 5.0},
+        )),
+        {number: float(level == receiver) for number, level in enumerate(levels)},
+    )  # fmt: skip
+    named = answer.scenario
+    assert answer.of(answer.chosen)["who"] == named.receiver.type == receiver
     alone = sblcosim.run(named, receiver)
     beside = sblcosim.run(base, ["ekf", receiver])
     pd.testing.assert_frame_equal(alone.errors.loc[[receiver]], beside.errors.loc[[receiver]])
