@@ -229,10 +229,13 @@ def the_pages_need_nothing_from_elsewhere(site: Site) -> None:
     for path, html in site.pages.items():
         for part in html.parts:
             assert not urlsplit(part).netloc, f"{path.relative_to(site.folder)}: {part}"
+    found = 0
     for path in site.folder.rglob("*.css"):
         text = path.read_text("utf-8")
         for part in re.findall(r"url\(\s*['\"]?([^'\")]*)|@import\s+(\S+)", text):
             assert not urlsplit("".join(part)).netloc, f"{path.relative_to(site.folder)}: {part}"
+            found += 1
+    assert found
 
 
 def links_within_the_site_lead_somewhere(site: Site) -> None:

@@ -1047,8 +1047,9 @@ def test_a_limit_of_0_is_refused_where_it_is_asked_for(tmp_path: Path) -> None:
     require.load(changed(limit=0, response="lost"))
 
 
-def test_a_question_may_be_moved_with_its_files(tmp_path: Path) -> None:
+def test_a_question_may_be_moved_with_its_files(tmp_path: Path, seam: Seam) -> None:
     """What its files hold decides, not where they are or how the question is named."""
+    seam.tuned(limiting_runs=2)  # a function of the user's takes its runs one by one
     here, there = tmp_path / "here", tmp_path / "elsewhere" / "deep"
     here.mkdir()
     here.joinpath("own.py").write_text("def spread(run):\n    return 0.5\n", "utf-8")
@@ -1057,7 +1058,7 @@ def test_a_question_may_be_moved_with_its_files(tmp_path: Path) -> None:
     choice = {"keys": ["receivers"], "levels": ["ekf", "mine.fmu"], "costs": [5, 0]}
     tables = changed(
         name=None, scenario="dive.toml", response="own.py:spread", most_runs=96,
-        choices={"who": choice},
+        choices={"who": choice}, fixed={"time": {"duration_s": 2.0}}, settling_time_s=1.0,
     )  # fmt: skip
     here.joinpath("asked.toml").write_text(as_toml(tables), "utf-8")
     first = require.decide(here / "asked.toml", tmp_path / "out")
