@@ -74,7 +74,7 @@ def _fill(made: Inputs, base: Path) -> None:
         shutil.copy(build("ekf", fmi), folder / f"ekf{fmi}.fmu")
         for name in COMPONENTS:  # so that nothing is compiled again
             place = build(name, fmi).parent
-            shutil.copytree(place, made.cache / "fmus" / place.name)
+            shutil.copytree(place, made.cache / place.name)
     sound = made.environment(base)
     done = run(("study", "study.toml", "--out", "results"), folder, sound)
     assert done.code == 0, done.errors
