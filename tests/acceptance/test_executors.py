@@ -8,6 +8,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, ThreadPoolExecutor
@@ -171,6 +172,21 @@ def _lives(pid: int) -> bool:
         return "Z" not in Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
     except FileNotFoundError:
         return False
+
+
+def test_of_processes_that_were_stopped_no_thread_is_left() -> None:
+    """One that ends later may meet the end of the interpreter, which then complains."""
+    before = {*threading.enumerate()}
+
+    def stopped() -> None:
+        with executors.processes(2) as pool:
+            pool.submit(time.sleep, 600)
+            raise KeyboardInterrupt
+
+    for _ in range(3):
+        with pytest.raises(KeyboardInterrupt):
+            stopped()
+        assert {*threading.enumerate()} <= before
 
 
 def test_a_worker_that_ended_before_it_got_runs_is_said_too() -> None:
