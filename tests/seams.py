@@ -6,6 +6,8 @@ Whoever has imported it, under whatever name, finds the stand-in. Numbers are in
 
 from __future__ import annotations
 
+import ast
+import inspect
 import sys
 from collections.abc import Iterator
 from functools import cache, reduce
@@ -16,7 +18,7 @@ import pytest
 
 
 @cache
-def _numbers() -> dict[str, tuple[ModuleType, str]]:
+def numbers() -> dict[str, tuple[ModuleType, str]]:
     """Where the numbers of the product stand that tests make small, or large."""
     from sblcosim.analysis.common import bounds
     from sblcosim.estimation import smoother
@@ -40,7 +42,7 @@ def _numbers() -> dict[str, tuple[ModuleType, str]]:
         "close": (smoother, "CLOSE"),
         "elements": (description, "MAX_ELEMENTS"),
         "far_std": (bound, "FAR_STD"),
-        "farewell": (process, "_FAREWELL"),
+        "farewell": (process, "FAREWELL"),
         "geography_points": (geography, "MOST_POINTS"),
         "group": (parts, "GROUP"),
         "kept_steps": (runner, "KEPT_STEPS"),
@@ -60,7 +62,7 @@ def program(**values: Any) -> str:
     """Text for ``python -c``: the command line with other values of the numbers of the table."""
     lines = ["from sblcosim import cli"]
     for known_as, value in values.items():
-        module, name = _numbers()[known_as]
+        module, name = numbers()[known_as]
         lines.append(f"import {module.__name__} as module; module.{name} = {value!r}")
     return "\n".join([*lines, "cli.main()"])
 
@@ -74,6 +76,7 @@ class Seam:
     def __init__(self) -> None:
         self._patch = pytest.MonkeyPatch()
         self._made: list[tuple[Any, Any, list[tuple[ModuleType, str]]]] = []
+        self._forgetful: list[ModuleType] = []
 
     def __enter__(self) -> Self:
         return self
@@ -99,11 +102,18 @@ class Seam:
     def tuned(self, **values: Any) -> None:
         """Give numbers of the product, by their names in the table, other values."""
         for known_as, value in values.items():
-            module, name = _numbers()[known_as]
+            module, name = numbers()[known_as]
             now = getattr(module, name)
             for place, other in [*_holders(now)]:
                 if other == name:
                     self._patch.setattr(place, name, value)
+
+    def forgets(self, *modules: ModuleType) -> None:
+        """Modules remember nothing of earlier calls, as in a new process; nor afterwards."""
+        self._forgetful.extend(modules)
+        for module in modules:
+            for memory in _memories(module):
+                (memory.cache_clear if hasattr(memory, "cache_clear") else memory.clear)()
 
     def undo(self) -> None:
         """Put everything back, in modules too that were loaded in the meantime."""
@@ -113,6 +123,8 @@ class Seam:
                 if (place, name) not in its_own:
                     setattr(place, name, thing)
         self._made.clear()
+        self.forgets(*self._forgetful)
+        self._forgetful.clear()
 
 
 def _holders(thing: Any) -> Iterator[tuple[ModuleType, str]]:
@@ -120,3 +132,13 @@ def _holders(thing: Any) -> Iterator[tuple[ModuleType, str]]:
     for known_as, module in [*sys.modules.items()]:
         if known_as.partition(".")[0] == "sblcosim":
             yield from ((module, name) for name, value in vars(module).items() if value is thing)
+
+
+def _memories(module: ModuleType) -> Iterator[Any]:
+    """What a module keeps from call to call: cached functions, and what is empty at first."""
+    yield from (own for own in vars(module).values() if hasattr(own, "cache_clear"))
+    for node in ast.parse(inspect.getsource(module)).body:
+        if isinstance(node, ast.AnnAssign | ast.Assign) and node.value is not None:
+            target = node.target if isinstance(node, ast.AnnAssign) else node.targets[0]
+            if ast.unparse(node.value) in ("{}", "set()", "[]"):
+                yield getattr(module, ast.unparse(target))

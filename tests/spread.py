@@ -7,6 +7,7 @@ from xdist.scheduler import LoadFileScheduling
 ONE_BY_ONE = (
     "tests/acceptance/test_documents.py",
     "tests/acceptance/test_kills.py",
+    "tests/acceptance/test_own_receivers.py",
     "tests/acceptance/test_recipes.py",
     "tests/fmu/test_calls.py",
     "tests/robustness/test_command_line.py",

@@ -65,7 +65,7 @@ def plot_map(area: AreaMap, *, narrow: bool = False, theme: ThemeName = "light")
         new = "\n" if narrow else " "  # along a bar that is perhaps short
         _bar(figure, shown, [first, second], f"95 % of the {what}{new}errors within [m]", narrow)
         _bar(figure, dilution, [third], f"HDOP [m per m{new}of range error]", narrow)
-        _legend(figure, handles, 1 if narrow else 3)
+        legend_above(figure, handles, 1 if narrow else 3)
     return axes
 
 
@@ -89,7 +89,7 @@ def plot_certainty(area: AreaMap, theme: ThemeName = "light") -> list[Axes]:
         handles = [_beacons(ax, area) for ax in axes][:1]
         handles += _requirement(axes[0], area, area.of("p95_m")).values()
         axes[0].set_title(short(area.receiver), loc="left")
-        _legend(figure, handles, 2)
+        legend_above(figure, handles, 2)
     return axes
 
 
@@ -248,7 +248,7 @@ def _bar(figure: Figure, shown: Any, axes: list[Axes], label: str, narrow: bool)
     bar.outline.set_linewidth(0.6)
 
 
-def _legend(figure: Figure, handles: list[Any], columns: int) -> None:
+def legend_above(figure: Figure, handles: list[Any], columns: int) -> None:
     """A legend above the panels, which the figure grows by."""
     rows = -(-len(handles) // columns)
     figure.set_figheight(figure.get_figheight() + LINE * 1.2 * rows)

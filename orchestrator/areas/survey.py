@@ -176,7 +176,7 @@ def _surveyed(
     )
     found = pooled(sample, best.percentile, grid.shape, seed, workers)
     if limit_m is not None:
-        cell, replicate = _more(found, limit_m, runs, first // _EXTRA)
+        cell, replicate = second_round(found, limit_m, runs, first // _EXTRA)
         if len(cell):
             done = first
             more = simulator.run(
@@ -188,7 +188,9 @@ def _surveyed(
     return sample, found
 
 
-def _more(pooling: Pooled, limit_m: float, runs: int, most: int) -> tuple[Integers, Integers]:
+def second_round(
+    pooling: Pooled, limit_m: float, runs: int, most: int
+) -> tuple[Integers, Integers]:
     """Cells and replicates of the second round, the nearest to the limit first."""
     with np.errstate(invalid="ignore"):
         away = np.abs(pooling.percentile - limit_m) / pooling.std_error

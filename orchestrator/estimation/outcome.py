@@ -53,7 +53,7 @@ def of_states(
     relative[:, 2] -= down
     relative_covariance = D @ covariance @ D.T
     relative_covariance[:, 2, 2] += p.gps_vertical_std**2
-    bent = _bent(relative[:, :2], relative_covariance[:, :2, :2])
+    bent = bent_by(relative[:, :2], relative_covariance[:, :2, :2])
     relative_covariance[:, :2, :2] += bent
     own = covariance[:, ORDER][:, :, ORDER]
     own[:, ::2, ::2][:, :2, :2] += bent
@@ -74,7 +74,7 @@ def of_states(
     ).chosen(epochs >= first_ns(p, samples))
 
 
-def _bent(y: Floats, P: Floats) -> Floats:
+def bent_by(y: Floats, P: Floats) -> Floats:
     """What a posterior that bends about the platform adds to the covariance of y, (n, 2, 2).
 
     About its crest, where the most probable place is, not about its mean.

@@ -67,13 +67,13 @@ def reference(
     >>> result = sblcosim.run("realistic-dive")                          # doctest: +SKIP
     >>> reference(result.record, result.scenario).verdict().absolute_rms  # doctest: +SKIP
     """
-    epoch, heard, depth = _events(record, at_ns)
+    epoch, heard, depth = events_of(record, at_ns)
     is_bound = scenario.target.trajectory == STOCHASTIC and acceleration_psd is None
     if acceleration_psd is None and not is_bound:
         acceleration_psd = psd_of(record, scenario)
     model = model_of(scenario, acceleration_psd, own_beacon)
     q = model.parameters.acceleration_psd if acceleration_psd is None else acceleration_psd
-    position, epochs = _along(record, model, epoch, heard, depth)
+    position, epochs = epochs_along(record, model, epoch, heard, depth)
     absolute, relative = (
         P[:, 0] for P in covariances(model, epochs, position[:, None], np.array([q], float))
     )
@@ -130,7 +130,7 @@ def psd_of(record: Record, scenario: Scenario) -> float:
     )
 
 
-def _events(record: Record, at_ns: Integers | None) -> tuple[Integers, Floats, Floats]:
+def events_of(record: Record, at_ns: Integers | None) -> tuple[Integers, Floats, Floats]:
     """Epochs [ns], and which packets and readings there are at each; (n,), (n, N), (n,)."""
     count = record.values["acoustics.reception_count"].astype(np.int64)
     new = np.diff(count, axis=0, prepend=0) > 0
@@ -149,7 +149,7 @@ def _events(record: Record, at_ns: Integers | None) -> tuple[Integers, Floats, F
     return epoch, heard, depth
 
 
-def _along(
+def epochs_along(
     record: Record, model: ReceiverModel, epoch: Integers, heard: Floats, depth: Floats
 ) -> tuple[Floats, Epochs]:
     """True positions of the diver at epochs, (n, 3), and what there is at them."""

@@ -192,13 +192,20 @@ def processes(workers: int) -> Iterator[Executor]:
     except BaseException:
         telling.close()
         started = [*(pool._processes or {}).values()]
+        manager: Any = pool._executor_manager_thread
         pool.shutdown(wait=False, cancel_futures=True)  # else runs end with those who are killed
         _end(started)
+        if manager is not None:  # it must not meet the end of the interpreter
+            manager.join(_MANAGER_S)
         raise
     finally:
         pool.shutdown(cancel_futures=True)
         telling.close()
         told.close()
+
+
+_MANAGER_S = 10.0
+"""Seconds for the thread of a pool to notice that its workers have ended; it takes few."""
 
 
 def _end(workers: Iterable[BaseProcess]) -> None:

@@ -49,6 +49,8 @@ NOT_RUN = {
     "needs the FMUs of others": 1,
 }
 """How many blocks are not run, by the reason that they give."""
+PIECES = {"docs/howto/study.md": ("boats", "space", "worst"), "docs/tutorial.md": ("my-study",)}
+"""Of long pages: words of the blocks that need nothing of the others but the files saved there."""
 
 
 @dataclass(frozen=True)
@@ -125,15 +127,47 @@ WITH_CODE = [
 ]
 
 
-@pytest.mark.parametrize("path", WITH_CODE, ids=name_of)
+def of_pieces(path: Path) -> dict[str, list[Block]]:
+    """The blocks that are run, by the word of their piece; saved files are in all pieces."""
+    words = PIECES.get(name_of(path), ())
+    found: dict[str, list[Block]] = {word: [] for word in ("", *words)}
+    piece = ""
+    for block in blocks(path):
+        if reason(block):
+            continue
+        if block.language in ("python", "toml") and block.rest:
+            for piece_ in found.values():
+                piece_.append(block)
+            continue
+        if block.language != "text":  # what is printed is of the block above
+            piece = next((word for word in words if word in block.text), "")
+        found[piece].append(block)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("path", "piece"),
+    [
+        pytest.param(path, word, id=name_of(path) + (f" {word}" if word else ""))
+        for path in WITH_CODE for word in of_pieces(path)
+    ],
+)
 def test_the_code_of_a_document_runs(
-    path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    path: Path, piece: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
     page = Page(tmp_path)
-    for block in blocks(path):
-        if not reason(block):
-            page.take(block, capsys)
+    for block in of_pieces(path)[piece]:
+        page.take(block, capsys)
+
+
+@pytest.mark.parametrize("page", PIECES)
+def test_the_pieces_of_a_page_are_all_of_it(page: str) -> None:
+    pieces = of_pieces(ROOT / page)
+    run = [block.line for block in blocks(ROOT / page) if not reason(block)]
+    assert sorted({block.line for own in pieces.values() for block in own}) == run
+    assert all(any(block.language == "sh" for block in own) for own in pieces.values())
 
 
 def test_what_is_not_run_says_why() -> None:

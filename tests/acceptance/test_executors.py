@@ -8,6 +8,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, ThreadPoolExecutor
@@ -20,6 +21,7 @@ import pytest
 from distributed import LocalCluster
 from sblcosim.errors import ConfigurationError
 from sblcosim.fmus import stopping
+from sblcosim.simulation.how import How
 from sblcosim.study import campaign, executors, store, study
 from seams import Seam
 
@@ -172,14 +174,32 @@ def _lives(pid: int) -> bool:
         return False
 
 
+def test_of_processes_that_were_stopped_no_thread_is_left() -> None:
+    """One that ends later may meet the end of the interpreter, which then complains."""
+    before = {*threading.enumerate()}
+
+    def stopped() -> None:
+        with executors.processes(2) as pool:
+            pool.submit(time.sleep, 600)
+            raise KeyboardInterrupt
+
+    for _ in range(3):
+        with pytest.raises(KeyboardInterrupt):
+            stopped()
+        assert {*threading.enumerate()} <= before
+
+
 def test_a_worker_that_ended_before_it_got_runs_is_said_too() -> None:
     """It may end between two parts: then handing over the next one fails."""
     with ProcessPoolExecutor(1) as pool:
         with pytest.raises(BrokenExecutor):
             pool.submit(os._exit, 1).result()
-        spread = executors._spread(pool, None, 1, None, [[object()]], lambda part, share: None)
-        with pytest.raises(ConfigurationError, match=r"workers: must live until their runs are"):
-            next(iter(spread))
+        prepared = campaign.prepare(study.load(MADE))
+        with (
+            executors.ready(prepared, How(executor=pool)) as simulate,
+            pytest.raises(ConfigurationError, match=r"workers: must live until their runs are"),
+        ):
+            next(iter(simulate([campaign.batch(prepared, 1, 1)], lambda part, share: None)))
 
 
 def test_a_worker_process_that_ends_is_said_and_nothing_is_lost(
@@ -356,12 +376,12 @@ def test_a_scheduler_that_is_gone_is_said_in_one_line_and_nothing_is_lost(tmp_pa
 
 
 def test_an_fmu_that_was_received_and_damaged_is_taken_from_the_parcel(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seam: Seam
 ) -> None:
     parcel = executors.pack(campaign.prepare(study.load(MADE)))
     monkeypatch.setenv("SBLCOSIM_CACHE", str(tmp_path))
     for damage in (b"", b"PK"):
-        executors._unpacked.clear()
+        seam.forgets(executors)
         executors.unpack(parcel)
         for sha256, (name, content) in parcel.fmus.items():
             path = tmp_path / "received" / sha256 / name

@@ -21,9 +21,7 @@ from sblcosim.errors import ConfigurationError, SblcosimError
 from sblcosim.scenario.sources import known_source
 from sblcosim.simulation.children import children
 from sblcosim.simulation.children import process as child_process
-from sblcosim.simulation.children.children import Children, waiting
-from sblcosim.simulation.children.messages import Call, Here
-from sblcosim.simulation.children.watched import Watched
+from sblcosim.simulation.children.children import waiting
 from sblcosim.simulation.user.files import for_others
 from sblcosim.study import study
 from seams import Seam
@@ -707,12 +705,21 @@ def test_what_cannot_be_sent_elsewhere_runs_here(tmp_path: Path) -> None:
 def test_a_kept_child_is_not_one_of_a_forked_process(
     started: list[child_process.Process], tmp_path: Path
 ) -> None:
-    file = str(written(tmp_path, "nowhere", NOTHING))
-    sblcosim.run(SCENARIO, file, SHORT)
+    file, keys = str(written(tmp_path, "nowhere", NOTHING)), []
+    take = type(waiting).take
+
+    def noted(self: Any, key: str) -> Any:
+        keys.append(key)
+        return take(self, key)
+
+    with Seam() as seam:
+        seam.instead(take, noted)
+        sblcosim.run(SCENARIO, file, SHORT)
+    assert keys
     if (forked := os.fork()) == 0:
         code = 1
         try:
-            code = 0 if not children.waiting._idle else 2
+            code = 2 if any(map(children.waiting.take, keys)) else 0
         finally:
             os._exit(code)
     assert os.waitstatus_to_exitcode(os.waitpid(forked, 0)[1]) == 0
@@ -741,19 +748,13 @@ def test_nothing_stays_of_a_program_that_has_ended(tmp_path: Path) -> None:
 
 
 def test_an_interrupted_call_ends_its_child(
-    started: list[child_process.Process], monkeypatch: pytest.MonkeyPatch
+    started: list[child_process.Process], tmp_path: Path
 ) -> None:
-    def stop(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    def interrupted() -> None:
-        with Children() as own, own.lend("a file") as child:
-            monkeypatch.setattr(child, "_next", stop)
-            child.call(Call(Here.now(), (), (), dict), Watched({}, ()))
-
+    deed = "import os, signal, time; os.kill(os.getppid(), signal.SIGINT); time.sleep(600)"
+    file = written(tmp_path, "constructor", deed)
     with pytest.raises(KeyboardInterrupt):
-        interrupted()
-    assert not started[0].alive
+        sblcosim.run(SCENARIO, str(file), SHORT)
+    assert [child.alive for child in started] == [False]
 
 
 def test_what_it_is_given_by_value_is_what_its_file_says(tmp_path: Path) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import json
 import os
 import re
 import shutil
@@ -22,6 +21,7 @@ from sblcosim.analysis.two_level.ranking import tied
 from sblcosim.cli import app
 from sblcosim.report import paper
 from sblcosim.study import store
+from shared import shared
 from typer.testing import CliRunner
 
 INDEPENDENT = {1: (9.283, 0.031), 2: (11.061, 0.024), 3: (11.790, 0.037)}
@@ -37,8 +37,8 @@ def command(folder: Path, *arguments: str) -> subprocess.Popen[str]:
     )
 
 
-def _made(folder: Path) -> dict[str, Any]:
-    """Interrupt it after the first study, then give the same command again."""
+def _interrupted(folder: Path) -> dict[str, Any]:
+    """Interrupt it after the first study."""
     process = command(folder)
     until = time.monotonic() + 600
     while not (folder / "paper/runs/paper-scenario-1/runs.parquet").exists():
@@ -48,37 +48,32 @@ def _made(folder: Path) -> dict[str, Any]:
     process.send_signal(signal.SIGINT)
     interrupted = (*process.communicate(timeout=600), process.returncode)
     report = (folder / "paper/report").exists()
+    return {"interrupted": interrupted, "report": report}
+
+
+def _finished(folder: Path) -> dict[str, Any]:
+    """Give the same command again."""
     kept = folder / "paper/runs/paper-scenario-1/parts"
     before = {file.name: file.stat().st_mtime_ns for file in kept.iterdir()}
     process = command(folder)
     finished = (*process.communicate(timeout=1200), process.returncode)
     after = {file.name: file.stat().st_mtime_ns for file in kept.iterdir()}
-    return {"interrupted": interrupted, "report": report, "finished": finished,
-            "kept": before == after}
+    return {"finished": finished, "kept": before == after}
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """What came of it; once for all processes that run these tests."""
-    root = tmp_path_factory.getbasetemp()
-    folder = (root.parent if "PYTEST_XDIST_WORKER" in os.environ else root) / "paper"
-    outcome = folder / "outcome.json"
-    try:
-        folder.mkdir()
-    except FileExistsError:
-        until = time.monotonic() + 2400
-        while not outcome.exists():
-            assert time.monotonic() < until
-            time.sleep(0.2)
-    else:
-        found: dict[str, Any] = {"error": "it did not come to an end"}
-        try:
-            found = _made(folder)
-        finally:
-            part = folder / "outcome.part"
-            part.write_text(json.dumps(found))
-            part.rename(outcome)
-    return {"folder": folder / "paper", **json.loads(outcome.read_text())}
+def interrupted(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    return shared(tmp_path_factory, "paper", _interrupted)
+
+
+@pytest.fixture(scope="module")
+def made(
+    interrupted: tuple[Path, dict[str, Any]], tmp_path_factory: pytest.TempPathFactory
+) -> dict[str, Any]:
+    """What came of it."""
+    folder = interrupted[0]
+    _, told = shared(tmp_path_factory, "paper-again", lambda _: _finished(folder))
+    return {"folder": folder / "paper", **told}
 
 
 @pytest.fixture(scope="module")
@@ -105,15 +100,18 @@ def tree(text: str) -> Any:
     return html5lib.HTMLParser(strict=True, namespaceHTMLElements=False).parse(text)
 
 
-def test_ctrl_c_says_how_to_go_on_and_nothing_is_done_twice(made: dict[str, Any]) -> None:
-    _, err, code = made["interrupted"]
+def test_ctrl_c_says_how_to_go_on(interrupted: tuple[Path, dict[str, Any]]) -> None:
+    _, err, code = interrupted[1]["interrupted"]
     assert code == 130
     match = re.fullmatch(
         r"interrupted; (\d+) of 28530 runs are in paper; go on with: sblcosim paper\n", err
     )
     assert match is not None, err
     assert int(match[1]) >= 6400
-    assert not made["report"]
+    assert not interrupted[1]["report"]
+
+
+def test_nothing_is_done_twice(made: dict[str, Any]) -> None:
     assert made["kept"]
 
 
@@ -319,7 +317,9 @@ def test_the_report_refers_to_nothing_outside(text: str) -> None:
     assert "http:" not in text
     assert "https:" not in text
     assert not re.search(r"\bsrc=|@import|<script|<link|<iframe|srcset", text)
-    for target in re.findall(r'href="([^"]*)"|url\(([^)]*)\)', text):
+    targets = re.findall(r'href="([^"]*)"|url\(([^)]*)\)', text)
+    assert len(targets) > 10
+    for target in targets:
         assert "".join(target).startswith(("#", "data:image/png;base64,"))
 
 

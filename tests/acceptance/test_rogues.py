@@ -31,9 +31,11 @@ from sblcosim.scenario.wiring import connect
 from sblcosim.simulation import execution
 from sblcosim.simulation.children import process as child_process
 from sblcosim.simulation.children.memory import Memory
+from sblcosim.simulation.children.watched import Watched
 from sblcosim.simulation.plans.plan import Plan
 from sblcosim.simulation.system import ComponentSpec
 from sblcosim.study import runner
+from seams import Seam
 
 pytestmark = pytest.mark.usefixtures("only_hangs_take_time")
 
@@ -525,19 +527,19 @@ def test_a_study_waits_no_longer_at_its_end(phase: str, rogue: Rogue, tmp_path: 
 
 
 def test_the_record_is_mapped_as_soon_as_the_loop_begins(
-    rogue: Rogue, monkeypatch: pytest.MonkeyPatch
+    rogue: Rogue, monkeypatch: pytest.MonkeyPatch, seam: Seam
 ) -> None:
     """On Windows it is gone with the process that has made it."""
     mapped: list[int] = []
     at_answers: list[int] = []
-    original = Memory.part
+    original, tell = Memory.part, Watched.tell
 
     def part(self: Memory, start: int, size: int) -> object:
         mapped.append(start)
         return original(self, start, size)
 
     monkeypatch.setattr(Memory, "part", part)
-    monkeypatch.setattr(child_process.Process, "_tell", lambda *_: at_answers.append(len(mapped)))
+    seam.instead(tell, lambda *given: at_answers.append(len(mapped)) or tell(*given))
     sblcosim.run(SCENARIO, rogue("none", "none"), SHORT)
     assert at_answers[0] == len(mapped) > 1
 

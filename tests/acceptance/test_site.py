@@ -24,6 +24,7 @@ from sblcosim.results.responses import RESPONSES
 from sblcosim.scenario.scenario import Scenario, load
 from sblcosim.study.definition import Definition
 from sblcosim.study.tables import ConditionTable, DesignTable, FactorTable
+from shared import shared
 from typer.main import get_command
 
 pytest.importorskip("sphinx_gallery", reason="needs the extra docs")
@@ -86,9 +87,33 @@ def alone(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     )  # fmt: skip
 
 
-def built(folder: Path) -> Site:
-    """Build the site from a copy of the documents."""
-    shutil.copytree(DOCS, folder / "docs", ignore=shutil.ignore_patterns("made", "__pycache__"))
+DRAW = """
+from sphinx.application import Sphinx
+
+Sphinx("docs", "docs", "out", "trees", "dummy", warningiserror=True, keep_going=True)
+"""
+"""Sphinx draws the gallery before it reads anything."""
+
+
+@pytest.fixture(scope="module")
+def drawn(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy of the documents with the gallery, which takes half of the time."""
+
+    def draw(folder: Path) -> dict[str, Any]:
+        ignored = shutil.ignore_patterns("made", "__pycache__")
+        shutil.copytree(DOCS, folder / "docs", ignore=ignored)
+        for name in BESIDE:
+            (folder / name).symlink_to(ROOT / name)
+        done = alone(folder, "-c", DRAW)
+        assert done.returncode == 0, done.stderr[-5000:]
+        return {}
+
+    return shared(tmp_path_factory, "gallery", draw)[0]
+
+
+def built(folder: Path, drawn: Path) -> Site:
+    """Build the site from a copy of the documents and the gallery."""
+    shutil.copytree(drawn / "docs", folder / "docs")
     for name in BESIDE:
         (folder / name).symlink_to(ROOT / name)
     done = alone(folder, "-m", "sphinx", "-W", "--keep-going", "-n", "docs", "html")
@@ -103,9 +128,16 @@ def test_the_build_has_no_network(tmp_path: Path) -> None:
     assert "the site must be built without a network" in done.stderr
 
 
-def test_the_site_is_built_and_whole(tmp_path: Path) -> None:
+def test_every_page_of_the_gallery_is_drawn(drawn: Path) -> None:
+    pages = {path.stem for path in DOCS.glob("gallery/*.py")}
+    made = drawn / "docs" / "made" / "gallery"
+    assert {path.stem for path in made.glob("*.py")} == pages
+    assert len(pages) == 21
+
+
+def test_the_site_is_built_and_whole(tmp_path: Path, drawn: Path) -> None:
     """One test, so that several workers do not build it several times."""
-    site = built(tmp_path)
+    site = built(tmp_path, drawn)
     every_document_is_a_page(site)
     every_page_of_the_gallery_has_its_figure(site)
     every_key_of_a_scenario_is_in_the_reference(site)
@@ -229,10 +261,13 @@ def the_pages_need_nothing_from_elsewhere(site: Site) -> None:
     for path, html in site.pages.items():
         for part in html.parts:
             assert not urlsplit(part).netloc, f"{path.relative_to(site.folder)}: {part}"
+    found = 0
     for path in site.folder.rglob("*.css"):
         text = path.read_text("utf-8")
         for part in re.findall(r"url\(\s*['\"]?([^'\")]*)|@import\s+(\S+)", text):
             assert not urlsplit("".join(part)).netloc, f"{path.relative_to(site.folder)}: {part}"
+            found += 1
+    assert found
 
 
 def links_within_the_site_lead_somewhere(site: Site) -> None:

@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 from fmpy import extract, read_model_description
 from fmpy.validation import validate_fmu
+from sblcosim.fmus import files
 from sblcosim.fmus.build import compiler, factory
 from sblcosim.fmus.platforms import PLATFORMS, folder, this_platform
 from sblcosim.models import COMPONENTS
@@ -172,11 +173,16 @@ def test_model_that_has_not_changed_is_not_compiled_again(
         factory.build(SMALL, 3)
 
 
-def test_every_ingredient_counts() -> None:
-    cc = compiler.find()
+def test_every_ingredient_counts(fresh_cache: Path, seam: Seam) -> None:
+    """In the name of the folder that the FMU is kept in."""
+    usual = compiler.find()
+    now = [usual]
+    seam.instead(compiler.find, lambda: now[0])
+    seam.instead(factory.write, lambda path, *_: files.write_sealed(path, b"an FMU"))
 
-    def known_as(name: str = SMALL, fmi: Any = 2, cc: compiler.Compiler = cc) -> str:
-        return factory._fingerprint(factory.key(name, fmi), [cc])
+    def known_as(name: str = SMALL, fmi: Any = 2, cc: compiler.Compiler = usual) -> str:
+        now[0] = cc
+        return factory.build(name, fmi).parent.name
 
     seen = {known_as()}
 
@@ -187,11 +193,11 @@ def test_every_ingredient_counts() -> None:
     assert known_as() in seen
     differs(known_as("ekf"))
     differs(known_as(fmi=3))
-    differs(known_as(cc=compiler.Compiler((*cc.command, "-O3"), cc.identity)))
-    differs(known_as(cc=compiler.Compiler(cc.command, cc.identity + " newer")))
+    differs(known_as(cc=compiler.Compiler((*usual.command, "-O3"), usual.identity)))
+    differs(known_as(cc=compiler.Compiler(usual.command, usual.identity + " newer")))
     for flags in (compiler.FLAGS, compiler.LINK_FLAGS):
-        with Seam() as seam:
-            seam.instead(flags, (*flags, "-g"))
+        with Seam() as inner:
+            inner.instead(flags, (*flags, "-g"))
             differs(known_as())
     with Seam() as seam:
         seam.instead(factory.ingredients, lambda name, fmi: "other sources")

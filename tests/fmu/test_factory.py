@@ -48,14 +48,14 @@ def test_without_zig_the_error_says_what_to_install(
 
 
 def test_without_casadi_the_error_says_what_to_install(
-    fresh_cache: Path, monkeypatch: pytest.MonkeyPatch
+    fresh_cache: Path, monkeypatch: pytest.MonkeyPatch, seam: Seam
 ) -> None:
     def version(package: str) -> str:
         if package == "casadi":
             raise metadata.PackageNotFoundError(package)
         return "1"
 
-    factory._versions.cache_clear()
+    seam.forgets(factory)
     monkeypatch.setattr(metadata, "version", version)
     with pytest.raises(
         BuildError, match=r"needs the package casadi: pip install 'sblcosim\[models\]'"

@@ -20,6 +20,7 @@ from sblcosim.report.page import PageTable
 from sblcosim.report.study import analysed
 from sblcosim.results.result import Result
 from sblcosim.scenario.scenario import load
+from seams import Seam
 
 PAPER, DIVE = "paper-scenario-1", "realistic-dive"
 RTK = {"platform.gps_horizontal_std_m": 0.02, "platform.gps_horizontal_markov_std_m": 0.0}
@@ -248,11 +249,25 @@ def test_the_report_of_a_study_has_it_for_its_points(tmp_path: Path) -> None:
     assert shown.rows[1][2] in page
 
 
-def test_of_many_points_the_best_and_the_worst_are_looked_at() -> None:
-    means = pd.Series([3.0, 1.0, np.nan, 9.0], index=[1, 2, 3, 40])
-    assert possible._chosen(possible.MOST_POINTS + 1, means) == [2, 40]
-    assert possible._chosen(3, means) == [1, 2, 3]
-    assert possible._chosen(possible.MOST_POINTS + 1, None) == []
+@pytest.mark.parametrize("points", [possible.MOST_POINTS, possible.MOST_POINTS + 1])
+def test_of_many_points_the_best_and_the_worst_are_looked_at(points: int, seam: Seam) -> None:
+    arms = [0.5 + 0.1 * number for number in range(points)]
+    factors = {"arm": {"keys": ["platform.arm_length_m"], "levels": arms}}
+    study = sblcosim.study.load(STUDY | {"design": {"kind": "grid"}, "factors": factors})
+    verdict = possible.of_scenario(study.base)
+    assert verdict is not None
+    seam.instead(possible.of_scenario, lambda *_: verdict)
+
+    def looked_at(rms: list[float]) -> list[str]:
+        column = f"multilateration.{possible.RMS}"
+        runs = pd.DataFrame({"point": range(1, points + 1), column: rms})
+        return [row[0] for table in possible.tables(study, runs) for row in table.rows]
+
+    every = [f"arm {arm:.3g} m" for arm in arms]
+    rms = [3.0, 1.0, np.nan, *(4.0 for _ in arms[3:-1]), 9.0]
+    few = points <= possible.MOST_POINTS
+    assert looked_at(rms) == (every if few else [every[1], every[-1]])
+    assert looked_at([np.nan] * points) == (every if few else [])
 
 
 def test_what_cannot_be_run_has_none() -> None:

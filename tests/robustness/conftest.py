@@ -17,6 +17,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "fmu" / "stranger"))
 sys.path.insert(0, str(Path(__file__).parent))
 
 from command_line import CommandLine, Inputs
+from shared import shared
 
 STUDY = """\
 scenario = "scenario.toml"
@@ -50,9 +51,18 @@ def commands() -> Iterator[CommandLine]:
 
 @pytest.fixture(scope="session")
 def inputs(tmp_path_factory: pytest.TempPathFactory, commands: CommandLine) -> Inputs:
-    """Files, a study's results among them."""
-    base = tmp_path_factory.mktemp("inputs")
-    folder, cache = base / "cwd", base / "cache"
+    """Files, a study's results among them; no test writes there."""
+
+    def fill(base: Path) -> dict[str, str]:
+        _fill(Inputs(base / "cwd", base / "cache", commands), base)
+        return {}
+
+    base, _ = shared(tmp_path_factory, "inputs", fill)
+    return Inputs(base / "cwd", base / "cache", commands)
+
+
+def _fill(made: Inputs, base: Path) -> None:
+    folder, run = made.folder, made.run
     for name in ("cwd", "home", "tmp"):
         (base / name).mkdir()
     text = starter("scenario")
@@ -64,9 +74,7 @@ def inputs(tmp_path_factory: pytest.TempPathFactory, commands: CommandLine) -> I
         shutil.copy(build("ekf", fmi), folder / f"ekf{fmi}.fmu")
         for name in COMPONENTS:  # so that nothing is compiled again
             place = build(name, fmi).parent
-            shutil.copytree(place, cache / "fmus" / place.name)
-    run = commands
-    made = Inputs(folder, cache, run)
+            shutil.copytree(place, made.cache / place.name)
     sound = made.environment(base)
     done = run(("study", "study.toml", "--out", "results"), folder, sound)
     assert done.code == 0, done.errors
@@ -77,4 +85,3 @@ def inputs(tmp_path_factory: pytest.TempPathFactory, commands: CommandLine) -> I
     command = ("run", "scenario.toml", "--no-figures", "--receiver", "coupled", "--out", "run")
     done = run(command, folder, sound)
     assert done.code == 0, done.errors
-    return made

@@ -164,7 +164,9 @@ def test_every_flipped_bit_is_noticed_where_a_result_is_replaced(own: Path, kind
 def test_every_flipped_bit_is_noticed_where_a_run_is_read(own: Path, kind: str) -> None:
     folder, edited = own / kind, folder_edited(own / kind)
     assert noticed(read_run, folder) == []
-    for path in sorted(folder.iterdir()):
+    paths = sorted(folder.iterdir())
+    assert {manifests.MANIFEST, "scenario.toml"} < {path.name for path in paths}
+    for path in paths:
         for bit in flipped(path, FLIPS * (10 if path.name == manifests.MANIFEST else 1)):
             (said,) = noticed(read_run, folder)
             must = edited if path.name == "scenario.toml" else (
@@ -182,7 +184,9 @@ def folder_edited(folder: Path) -> tuple[str, ...]:
 def test_every_flipped_bit_is_noticed_where_a_study_is_read(own: Path) -> None:
     folder = own / "study"
     assert noticed(store.table, folder) == []
-    for path in [p for p in sorted(folder.rglob("*")) if p.is_file()]:
+    paths = [p for p in sorted(folder.rglob("*")) if p.is_file()]
+    assert {"study.json", "runs.parquet"} <= {path.name for path in paths}
+    for path in paths:
         for bit in flipped(path, 5 * FLIPS):
             (said,) = noticed(store.table, folder)
             assert said.startswith(f"{path}: must be "), (bit, said)

@@ -65,6 +65,22 @@ def test_methods_and_several_stand_ins_are_put_back() -> None:
     assert (Scenario.override, api.run) == (kept, run)
 
 
+def test_a_module_forgets_what_it_has_remembered_and_keeps_what_it_knows(tmp_path: Path) -> None:
+    files.write_file(tmp_path / "first", b"")
+    swept: list[Path] = []
+    with Seam() as seam:
+        seam.instead(files.sweep, swept.append)
+        files.write_file(tmp_path / "second", b"")
+        assert swept == []  # once in a process
+        seam.forgets(files)
+        files.write_file(tmp_path / "third", b"")
+        assert swept == [tmp_path]
+    with Seam() as seam:
+        seam.instead(files.sweep, swept.append)
+        files.write_file(tmp_path / "fourth", b"")
+        assert swept == [tmp_path] * 2  # what was remembered in the block is gone, too
+
+
 def test_what_the_product_does_not_have_is_refused() -> None:
     with Seam() as seam, pytest.raises(AssertionError, match="nobody in sblcosim has"):
         seam.instead(_has, print)
@@ -89,7 +105,7 @@ def test_numbers_are_tuned_in_this_process_and_in_others() -> None:
 
 def test_every_number_of_the_table_is_there_and_used() -> None:
     text = "\n".join(path.read_text("utf-8") for path in FILES if path.name != "seams.py")
-    for known_as, (module, name) in seams._numbers().items():
+    for known_as, (module, name) in seams.numbers().items():
         assert isinstance(getattr(module, name), int | float)
         assert f"{known_as}=" in text or f'"{known_as}"' in text, known_as
 

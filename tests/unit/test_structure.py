@@ -7,7 +7,7 @@ import itertools
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 
 import pytest
@@ -75,6 +75,15 @@ NOT_USED_YET = {
         "a figure that is added there is a row of the table of figures",
 }  # fmt: skip
 """What a room is allowed and does not use, and why."""
+_TIME = "what hangs on purpose is waited for there, and nothing else may take time"
+LOOKED_INTO = {
+    "tests/acceptance/test_lanes.py": {"_aligned": "fences are put around what it gives"},
+    "tests/conftest.py": dict.fromkeys(
+        ("_answers", "_folder", "_next", "_process", "_wait"), _TIME
+    ),
+    "tests/unit/orchestrator/test_native.py": dict.fromkeys(("_answers", "_next", "_state"), _TIME),
+}
+"""Private names that tests use, and why no public one says it."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +94,7 @@ class Module:
     path: Path
     package: bool
 
-    @property
+    @cached_property
     def tree(self) -> ast.Module:
         return ast.parse(self.path.read_text("utf-8"))
 
@@ -409,6 +418,62 @@ def test_private_names_stay_in_their_modules() -> None:
         if alias.name.startswith("_")
     ]
     assert taken == []
+
+
+@cache
+def private_names() -> frozenset[str]:
+    """What modules and classes of ours keep to themselves."""
+    found: set[str] = set()
+    for module in modules().values():
+        for node in ast.walk(module.tree):
+            if isinstance(node, ast.FunctionDef | ast.ClassDef):
+                found.add(node.name)
+            elif isinstance(node, ast.Name | ast.Attribute) and isinstance(node.ctx, ast.Store):
+                found.add(node.id if isinstance(node, ast.Name) else node.attr)
+    return frozenset(name for name in found if re.fullmatch(r"_(?!_)\w*(?<!_)", name))
+
+
+def looked_into(tree: ast.AST) -> Iterator[str]:
+    """Private names of ours that a test uses, but for those that it has defined itself."""
+    own = {node.attr for node in ast.walk(tree)
+           if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store)
+           and getattr(node.value, "id", "") == "self"}  # fmt: skip
+    own |= {node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
+    for node in ast.walk(tree):
+        names = []
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("sblcosim"):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.Attribute) and node.attr not in own:
+            names = [node.attr]
+        elif isinstance(node, ast.Call):
+            called = getattr(node.func, "attr", getattr(node.func, "id", ""))
+            if called.endswith(("attr", "attrgetter")):
+                names = [a.value for a in node.args if isinstance(a, ast.Constant)]
+        yield from (name for name in names if name in private_names())
+
+
+def test_tests_see_what_everybody_sees() -> None:
+    """A private name may change or go at any time, and whoever tests it tests no behaviour."""
+    texts = {path: path.read_text("utf-8") for path in sorted((ROOT / "tests").rglob("*.py"))}
+    found = {
+        path.relative_to(ROOT).as_posix(): {*looked_into(ast.parse(text))}
+        for path, text in texts.items()
+        if private_names() & {*re.findall(r"\b_\w+", text)}  # a tree takes its time
+    }
+    assert {where: names for where, names in found.items() if names} == {
+        where: {*reasons} for where, reasons in LOOKED_INTO.items()
+    }
+
+
+@pytest.mark.parametrize("line", [
+    "from sblcosim.simulation.children.process import _signal",
+    "process._signal(3)",
+    "def test():\n    assert child._process.poll() is None",
+    "monkeypatch.setattr(Process, '_next', stop)",
+    "getattr(child, '_answers')",
+])  # fmt: skip
+def test_a_private_name_is_seen_however_it_is_used(line: str) -> None:
+    assert len([*looked_into(ast.parse(line))]) == 1
 
 
 def test_words_are_defined_in_their_room_only() -> None:

@@ -54,7 +54,7 @@ PATIENCE: ContextVar[float] = ContextVar("PATIENCE", default=STEP_TIMEOUT)
 _GRACE = 5.0
 """Seconds for a process to end after it has closed its pipes."""
 
-_FAREWELL = 1.0
+FAREWELL = 1.0
 """Seconds for exit handlers of the user's code."""
 
 _OUTPUT = 20_000
@@ -240,7 +240,7 @@ class Process:
         finally:
             if not watched.suspects:
                 with contextlib.suppress(subprocess.TimeoutExpired):
-                    self._process.wait(_FAREWELL)
+                    self._process.wait(FAREWELL)
             self.kill()
         self._tell(answer, watched)
         if answer.error is not None:

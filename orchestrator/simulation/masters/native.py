@@ -35,22 +35,22 @@ _ACCESS2, _GET_BOOLEAN2, _SET_BOOLEAN2, _ACCESS3, _STEP2, _STEP3 = range(6)
 _I, _N, _P = ctypes.c_int64, ctypes.c_size_t, ctypes.c_void_p
 
 
-class _Call(ctypes.Structure):
+class NativeCall(ctypes.Structure):
     _fields_ = (
         ("form", _I), ("function", _P), ("instance", _P), ("references", _P), ("n_references", _N),
         ("values", _P), ("n_values", _N), ("booleans", _P),
     )  # fmt: skip
 
 
-class _Copy(ctypes.Structure):
+class NativeCopy(ctypes.Structure):
     _fields_ = (("source", _P), ("target", _P), ("size", _N), ("row_size", _N))
 
 
-class _Conversion(ctypes.Structure):
+class NativeConversion(ctypes.Structure):
     _fields_ = (("value", _P), ("factor", ctypes.c_double), ("offset", ctypes.c_double))
 
 
-class _Component(ctypes.Structure):
+class NativeComponent(ctypes.Structure):
     _fields_ = (
         ("due", _I), ("interval", _I), ("step", ctypes.c_double), ("first_get", _N),
         ("first_set", _N), ("do_step", _N), ("first_copy", _N), ("end_copy", _N),
@@ -59,7 +59,7 @@ class _Component(ctypes.Structure):
     )  # fmt: skip
 
 
-class _Run(ctypes.Structure):
+class NativeRun(ctypes.Structure):
     _fields_ = (
         ("components", _P), ("n_components", _N), ("calls", _P), ("copies", _P),
         ("conversions", _P), ("records", _P), ("n_records", _N), ("instants", _P),
@@ -145,7 +145,7 @@ def library() -> ctypes.CDLL:
         It cannot be compiled.
     """
     driver = c_libraries.load(DRIVER)
-    driver.native_run.argtypes, driver.native_run.restype = (ctypes.POINTER(_Run),), None
+    driver.native_run.argtypes, driver.native_run.restype = (ctypes.POINTER(NativeRun),), None
     driver.native_remember.argtypes, driver.native_remember.restype = (), None
     driver.native_settle.argtypes, driver.native_settle.restype = (), ctypes.c_int
     return driver
@@ -168,9 +168,9 @@ class _Program:
         self.instances = instances
         self.instants = plan.instants
         self.labels: list[_Label] = []
-        self._calls: list[_Call] = []
-        self._copies: list[_Copy] = []
-        self._conversions: list[_Conversion] = []
+        self._calls: list[NativeCall] = []
+        self._copies: list[NativeCopy] = []
+        self._conversions: list[NativeConversion] = []
         self._keep: list[Any] = [instances]
         used = {c.name for c in columns} | {
             column.name
@@ -190,18 +190,18 @@ class _Program:
             for component, instance in zip(plan.components, instances, strict=True)
         ]
         records = _joined(
-            _Copy(_address(newest), _address(rows), newest.nbytes, rows.strides[0])
+            NativeCopy(_address(newest), _address(rows), newest.nbytes, rows.strides[0])
             for newest, rows in ((self._newest[name], rows) for name, rows in history.items())
         )
-        self.components = (_Component * len(components))(*components)
+        self.components = (NativeComponent * len(components))(*components)
         self.progress = watch().progress()
-        self.run = _Run(
+        self.run = NativeRun(
             components=ctypes.addressof(self.components),
             n_components=len(components),
-            calls=self._array(_Call, self._calls),
-            copies=self._array(_Copy, self._copies),
-            conversions=self._array(_Conversion, self._conversions),
-            records=self._array(_Copy, records),
+            calls=self._array(NativeCall, self._calls),
+            copies=self._array(NativeCopy, self._copies),
+            conversions=self._array(NativeConversion, self._conversions),
+            records=self._array(NativeCopy, records),
             n_records=len(records),
             instants=_address(self.instants),
             n_instants=len(self.instants),
@@ -215,7 +215,7 @@ class _Program:
 
     def _component(
         self, component: PlannedComponent, instance: Instance, start_ns: int
-    ) -> _Component:
+    ) -> NativeComponent:
         first_get = len(self._calls)
         for read in component.reads:
             ports = [p for p in read.ports if f"{component.name}.{p.name}" in self._newest]
@@ -233,7 +233,7 @@ class _Program:
         do_step = len(self._calls)
         form = _STEP2 if instance.fmu.fmi == 2 else _STEP3
         self._call(instance, f"fmi{instance.fmu.fmi}DoStep", form=form)
-        return _Component(
+        return NativeComponent(
             due=start_ns,
             interval=component.interval_ns,
             step=component.interval_ns / SECOND,
@@ -258,13 +258,13 @@ class _Program:
         start = self._kept(inputs)
         ends = np.cumsum([s.nbytes for s in sources]).tolist()
         copies = _joined(
-            _Copy(_address(source), start + end - source.nbytes, source.nbytes, 0)
+            NativeCopy(_address(source), start + end - source.nbytes, source.nbytes, 0)
             for source, end in zip(sources, ends, strict=True)
         )
         if len(copies) == 1 and not write.conversions:  # contiguous already: no copy needed
             return int(copies[0].source)
         self._conversions += [
-            _Conversion(start + place * inputs.itemsize, conversion.factor, conversion.offset)
+            NativeConversion(start + place * inputs.itemsize, conversion.factor, conversion.offset)
             for place, conversion in write.conversions
         ]
         self._copies += copies
@@ -299,7 +299,7 @@ class _Program:
     def _call(self, instance: Instance, function: str, **rest: int | None) -> None:
         self.labels.append(_Label(instance, function))
         self._calls.append(
-            _Call(function=instance.address(function), instance=instance.handle, **rest)
+            NativeCall(function=instance.address(function), instance=instance.handle, **rest)
         )
 
     def _kept(self, array: Vector) -> int:
@@ -345,9 +345,9 @@ def _address(array: Vector) -> int:
     return int(array.ctypes.data)
 
 
-def _joined(copies: Iterable[_Copy]) -> list[_Copy]:
+def _joined(copies: Iterable[NativeCopy]) -> list[NativeCopy]:
     """Merge copies that continue each other."""
-    joined: list[_Copy] = []
+    joined: list[NativeCopy] = []
     for copy in copies:
         last = joined[-1] if joined else None
         if (

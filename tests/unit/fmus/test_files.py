@@ -53,8 +53,8 @@ with files.unfinished(folder) as path:
 
 
 @pytest.fixture(autouse=True)
-def untidy() -> None:
-    files._TIDY.clear()
+def untidy(seam: Seam) -> None:
+    seam.forgets(files)
 
 
 def test_a_file_appears_when_it_is_complete_and_nothing_beside_it(tmp_path: Path) -> None:
@@ -108,7 +108,9 @@ def test_a_file_that_cannot_be_finished_is_not_there(
     assert (tmp_path / "file").read_bytes() == b"before"
 
 
-def test_what_a_killed_process_left_is_removed_by_the_next(tmp_path: Path) -> None:
+def test_what_a_killed_process_left_is_removed_by_the_next(
+    tmp_path: Path, seam: Seam
+) -> None:
     process = start(UNFINISHED, tmp_path)
     assert len(os.listdir(tmp_path)) == 2
     files.sweep(tmp_path)
@@ -117,7 +119,7 @@ def test_what_a_killed_process_left_is_removed_by_the_next(tmp_path: Path) -> No
     assert len(os.listdir(tmp_path)) == 3
     kill(process)
     assert len(os.listdir(tmp_path)) == 3
-    files._TIDY.clear()
+    seam.forgets(files)
     files.write_file(tmp_path / "file", b"")
     assert os.listdir(tmp_path) == ["file"]
 

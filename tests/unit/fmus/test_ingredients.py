@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import ast
+import hashlib
 import json
 import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import fields, replace
+from functools import cache
 from pathlib import Path
 
 import pytest
 from sblcosim.fmus.build import ingredients
 from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.declaration import Component, Condition, Terminal, Variable, parameter
+from seams import Seam
 
 ROOT = Path(__file__).parents[3]
 KEYS = """
@@ -214,48 +217,103 @@ def test_the_text_of_a_declaration_holds_every_field(declared, others) -> None:
             assert repr(replace(declared, **{name: value})) != repr(declared), name
 
 
-def by_syntax(module: str) -> set[ingredients.Import]:
-    """What a module imports of ours, by its syntax tree."""
-    found = set()
-    for statement in ast.walk(ast.parse(ingredients._source(module))):
+def path_of(module: str) -> Path:
+    """The file of a module of ours, or its folder."""
+    path = ROOT / module.removeprefix("sblcosim.").replace(".", "/")
+    return path if path.is_dir() else path.with_suffix(".py")
+
+
+@cache
+def by_syntax(module: str) -> tuple[tuple[str, str], ...]:
+    """What a module imports of ours, by its syntax tree: modules, and names of modules."""
+    return tuple(imports_of(module))
+
+
+def imports_of(module: str) -> Iterator[tuple[str, str]]:
+    for statement in ast.walk(ast.parse(path_of(module).read_text("utf-8"))):
+        taken: list[tuple[str, str]] = []
         if isinstance(statement, ast.Import):
-            found |= {ingredients.Import(alias.name) for alias in statement.names}
+            taken = [(alias.name, "") for alias in statement.names]
         elif isinstance(statement, ast.ImportFrom):
             parents = module.split(".")[: -statement.level] if statement.level else []
             origin = ".".join([*parents, *filter(None, [statement.module])])
             for alias in statement.names:
-                found |= {ingredients.Import(f"{origin}.{alias.name}"),
-                          ingredients.Import(origin, alias.name)}
-    ours = ("sblcosim.models.", "sblcosim.fmus.")
-    return {
-        w for w in found if w.module.startswith(ours) and ingredients._is_there(w.module)
-    }
+                taken += [(f"{origin}.{alias.name}", ""), (origin, alias.name)]
+        for name, what in taken:
+            folder = path_of(name)
+            if not name.startswith(("sblcosim.models.", "sblcosim.fmus.")) or not folder.exists():
+                continue
+            if folder.is_file():
+                yield name, what
+            elif name.count(".") > 2:  # a folder inside a component's: all modules are there
+                yield from ((f"{name}.{path.stem}", "") for path in folder.glob("*.py"))
 
 
-def test_imports_read_from_the_text_are_those_of_the_syntax() -> None:
+def hashed(module: str) -> set[str]:
+    """The labels of all parts that a module's hash is made of."""
+    parts: list[bytes] = []
+
+    class Hash:
+        def update(self, part: bytes) -> None:
+            parts.append(part)
+
+        def hexdigest(self) -> str:
+            return ""
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(hashlib, "sha256", Hash)
+        ingredients.of_module(module, ())
+    return {part.partition(b"\0")[0].decode() for part in parts}
+
+
+def test_what_is_hashed_is_what_the_syntax_says_is_imported(seam: Seam) -> None:
     modules = [
         f"sblcosim.{folder}." + ".".join(path.relative_to(ROOT / folder).with_suffix("").parts)
         for folder in ("models", "fmus") for path in sorted((ROOT / folder).rglob("*.py"))
         if path.stem != "__init__"
     ]
     assert len(modules) > 60
+    seam.forgets(ingredients)
     for module in modules:
-        assert set(ingredients._imports(module)) == by_syntax(module), module
+        labels, reached, waiting = hashed(module), {module}, [module]
+        assert module in labels
+        while waiting:
+            for name, what in by_syntax(waiting.pop()):
+                found = {name, f"{name}.{what}"} & labels
+                assert found, (module, name, what)
+                if name in found and name not in reached:
+                    waiting.append(name)
+                reached |= found
+        assert labels == reached, module
 
 
-@pytest.mark.parametrize(
-    "where",
-    ["{}", "def f():\n {}", "class C:\n {}", "if a: {}", "if a: pass\nelse: {}", "for x in y: {}",
-     "while a: pass\nelse: {}", "with a: {}", "try: {}\nfinally: pass",
+PLACES = ["{}", "def f():\n {}", "class C:\n {}", "if a: {}", "if a: pass\nelse: {}",
+     "for x in y: {}", "while a: pass\nelse: {}", "with a: {}", "try: {}\nfinally: pass",
      "try: pass\nexcept A: {}", "try: pass\nexcept A: pass\nelse: {}", "try: pass\nfinally: {}",
      "async def f():\n async with a: {}", "match a:\n case 1: {}", "try: pass\nexcept* A: {}",
-     "if a:\n def f():\n  try: pass\n  finally: {}"],
-)  # fmt: skip
-def test_an_import_is_found_wherever_it_stands(where: str) -> None:
-    text = where.format("from ..geometry import rotation  # why") + "\n"
-    (found,) = ingredients._IMPORT.finditer(text)
-    module = "sblcosim.models.platform.equations"
-    assert [*ingredients._imported(module, found)] == [
-        ingredients.Import("sblcosim.models.geometry.rotation"),
-        ingredients.Import("sblcosim.models.geometry", "rotation"),
-    ]
+     "if a:\n def f():\n  try: pass\n  finally: {}"]  # fmt: skip
+"""Where an import may stand."""
+
+
+def test_an_import_is_found_wherever_it_stands(tree: Path) -> None:
+    """A module that has it there is known by what it imports."""
+    names = [*range(len(PLACES))]
+    code = (
+        "from sblcosim.fmus.build.ingredients import of_module\n"
+        f"for n in {names}: print(of_module(f'sblcosim.models.receiver.imports_{{n}}', ()))\n"
+    )
+    inside = tree / "models/receiver"
+    for n, where in enumerate(PLACES):
+        text = where.format(f"from ..receiver.imported_{n} import X  # why")
+        (inside / f"imports_{n}.py").write_text(text + "\n")
+        (inside / f"imported_{n}.py").write_text("X = 1\n")
+    try:
+        before = said(tree, code).split()
+        for n in names:
+            (inside / f"imported_{n}.py").write_text("X = 2\n")
+        after = said(tree, code).split()
+    finally:
+        for path in inside.glob("import*_*.py"):
+            path.unlink()
+    assert len(before) == len(PLACES) == len(set(before))
+    assert [n for n in names if before[n] == after[n]] == []

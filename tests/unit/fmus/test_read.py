@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 import os
 import stat
 import subprocess
 import sys
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import pytest
@@ -17,7 +16,7 @@ from sblcosim.fmus.conformance.receiver_contract import check_receiver
 from sblcosim.fmus.errors import FmuError
 from sblcosim.fmus.read import archive, description
 from sblcosim.fmus.read.archive import opened
-from sblcosim.fmus.read.ports import Port, _array, read
+from sblcosim.fmus.read.ports import Port, read
 from seams import Seam
 
 BROKEN = Path(__file__).with_name("broken_fmus.py")
@@ -317,15 +316,22 @@ def test_what_is_just_within_the_bounds_is_read_in_a_gigabyte(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("size", [0, 1, 3])
-def test_arrays_with_names_of_elements_do_not_make_up_another_array(size: int) -> None:
-    def port(index: int, shape: tuple[int, ...]) -> Port:
-        count = math.prod(shape)
-        return Port(
-            f"x[{index}]", "output", "Float64", shape, min=(0.0,) * count, max=(1.0,) * count,
-            references=(index,), variables=(f"x[{index}]",),
-        )  # fmt: skip
+def test_arrays_with_names_of_elements_do_not_make_up_another_array(
+    size: int, tmp_path: Path
+) -> None:
+    was = "<ModelVariables>"
 
-    assert _array("x", [port(1, (size,)), port(2, (size,))]) is None
-    scalars = _array("x", [port(2, ()), port(1, ())])
-    assert scalars is not None
-    assert scalars.references == (1, 2)
+    def ports(*indices: int, dimension: str) -> Mapping[str, Port]:
+        own = "".join(
+            f'<Float64 name="x[{index}]" valueReference="9{index}" causality="output"'
+            f">{dimension}</Float64>" for index in indices
+        )
+        return read(edited(tmp_path, was, was + own, fmi=3)).ports
+
+    arrays = ports(1, 2, dimension=f'<Dimension start="{size}"/>')
+    assert [(name, port.shape) for name, port in arrays.items() if name.startswith("x")] == [
+        ("x[1]", (size,)), ("x[2]", (size,)),
+    ]  # fmt: skip
+    scalars = ports(2, 1, dimension="")
+    assert [name for name in scalars if name.startswith("x")] == ["x"]
+    assert scalars["x"].references == (91, 92)

@@ -20,10 +20,8 @@ from matplotlib.patches import Patch
 from matplotlib.text import Text
 from sblcosim import style
 from sblcosim.areas import contours, figures, motion, pooling, result, runs, survey
-from sblcosim.areas import possible as possible_
 from sblcosim.areas.grid import Grid, grid_of
 from sblcosim.areas.possible import possible
-from sblcosim.cli.commands import areas as command
 from sblcosim.cli.documents.areas import MapSettings
 from sblcosim.errors import ConfigurationError
 from sblcosim.limits import lengths, places
@@ -36,6 +34,7 @@ from sblcosim.simulation.how import How
 from sblcosim.simulation.masters.lanes_driver import LENGTHS
 from scipy.interpolate import RegularGridInterpolator
 from seams import Seam
+from typer.main import get_command
 from typer.testing import CliRunner
 
 SHORT: dict[str, Any] = {"duration_s": 12.0, "settling_s": 6.0}
@@ -236,13 +235,12 @@ def test_a_receiver_that_fails_is_told(tmp_path: Path) -> None:
         surveyed(receiver=f"{tmp_path / 'bad.py'}:Mine", cells=2, runs=1)
 
 
-def test_failed_runs_are_counted_by_what_is_said_of_them() -> None:
+def test_failed_runs_are_counted_by_what_is_said_of_them(seam: Seam) -> None:
+    original = runs.reduced
+    said = ["no", None, "no", "never", None]
+    seam.instead(runs.reduced, lambda *given: (*original(*given)[:2], said))
     one = simulator(GRID)
-    rows = pd.DataFrame({
-        "point": 1, "error": ["no", None, "no", "never", None], "lost": False, "availability": 1.0,
-        **dict.fromkeys(runs._LENGTHS, 1.0),
-    })  # fmt: skip
-    one._sample(rows)
+    one.run(np.arange(5), np.zeros(5, int), How(workers=1))
     assert one.failures == {"no": 2, "never": 1}
 
 
@@ -326,9 +324,9 @@ def test_more_runs_go_to_cells_near_the_requirement_and_nowhere_else(
 
 def test_extra_runs_go_to_the_nearest_first_and_are_bounded() -> None:
     found = pooling.Pooled(np.array([1.0, 3.12, 2.9, 9.0, np.inf, 3.0]), np.full(6, 0.1))
-    cell, replicate = survey._more(found, 3.0, 20, 2)
+    cell, replicate = survey.second_round(found, 3.0, 20, 2)
     assert (sorted(cell.tolist()), replicate.tolist()) == ([2, 5], [20, 20])
-    cell, replicate = survey._more(found, 3.0, 2, 100)
+    cell, replicate = survey.second_round(found, 3.0, 2, 100)
     assert np.bincount(cell).tolist() == [0, 6, 6, 0, 0, 6]
     assert set(replicate.tolist()) == {2, 3, 4, 5, 6, 7}
 
@@ -562,7 +560,7 @@ def test_a_figure_grows_by_the_height_of_its_legend(entries: int, columns: int) 
         figure = style.new_figure(6.4, 4.0)
         figure.add_subplot()
         handles = [Patch(label=f"name {i}") for i in range(entries)]
-        figures._legend(figure, handles, columns)
+        figures.legend_above(figure, handles, columns)
         figure.draw_without_rendering()
     tall = figure.legends[0].get_window_extent().height / figure.dpi
     assert figure.get_figheight() - 4.0 == pytest.approx(tall, abs=0.1)
@@ -721,7 +719,9 @@ def test_the_command_maps_and_refuses_in_its_own_words(tmp_path: Path) -> None:
 
 
 def test_errors_are_named_as_the_lanes_name_them() -> None:
-    assert sorted(command._ERRORS) == sorted(LENGTHS)
+    options = get_command(sblcosim.cli.app).commands["map"].params  # type: ignore[attr-defined]
+    (error,) = (option for option in options if option.name == "error")
+    assert sorted(error.metavar.split("|")) == sorted(LENGTHS)
     assert sorted(get_args(MapSettings.model_fields["error"].annotation)) == sorted(LENGTHS)
 
 
@@ -799,16 +799,15 @@ def test_cells_with_more_runs_than_others_count_each_run_once() -> None:
     lost = np.array([0, 1, 0, 1, 0, 0, 1, 0], bool)
     available = np.array([1.0, 0.2, 0.9, 0.6, 0.4, 0.6, 0.8, 0.0])
     sample = runs.CellRuns(cell, np.ones((8, 10)), lost, available)
-    grid = Grid((0.0, 2.0), (0.0, 2.0), 2, 2, 5.0)
-    pooled = pooling.pooled(sample, np.ones(4), grid.shape, 1)
-    best = possible_.PossibleInCells(np.ones(4), np.ones(4, bool), np.ones(4))
-    cells = survey._table(grid, sample, pooled, best)
+    with Seam() as seam:
+        seam.instead(runs.Simulator.run, lambda *_: sample)
+        given = surveyed(cells=2, runs=1)
+    cells = given.cells
     assert cells["runs"].tolist() == [1, 4, 1, 2]
     assert cells["lost_share"].tolist() == [0.0, 0.5, 0.0, 0.5]
     np.testing.assert_allclose(cells["availability"], [1.0, 0.5, 0.9, 0.3])
     # Over the area, each run counts once, not each cell.
-    given = surveyed(cells=2, runs=1)
-    summary = replace(given, cells=cells, settings=given.settings | {"runs": 1}).summary()
+    summary = given.summary()
     assert (summary["runs"], summary["extra_runs"]) == (8, 4)
     assert summary["lost_share"] == 3 / 8
     # A cell with more runs weighs more among its neighbours, run by run.

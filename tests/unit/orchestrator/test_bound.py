@@ -115,14 +115,11 @@ def test_another_compiler_gives_the_same_bits(seam: Seam) -> None:
     other = bound.library(zig)
     assert other != bound.library()
     seam.instead(recursion.library.library, lambda: other)
-    recursion._entry.cache_clear()
-    try:
-        for seed in range(6):
-            for lanes in lanes_here():
-                found = recursion.covariances(*a_case(seed), None, lanes)
-                np.testing.assert_array_equal(found, expected[seed])
-    finally:
-        recursion._entry.cache_clear()
+    seam.forgets(recursion)
+    for seed in range(6):
+        for lanes in lanes_here():
+            found = recursion.covariances(*a_case(seed), None, lanes)
+            np.testing.assert_array_equal(found, expected[seed])
 
 
 def test_what_is_too_much_is_refused() -> None:
@@ -373,7 +370,7 @@ def direct_rms(result: Any, q: float, receiver: str) -> tuple[float, float]:
     times = np.array(sorted(events))
     there = np.array([events[t] for t in times.tolist()])
     model = parameters.model_of(given, q)
-    position, along = run._along(record, model, times, there[:, 1:], there[:, 0])
+    position, along = run.epochs_along(record, model, times, there[:, 1:], there[:, 0])
     frames = direct_bound.covariances(model, along, position[:, None], np.array([q]))
     at = np.searchsorted(times, epochs_ns)
     return rms(frames[0][at, 0]), rms(frames[1][at, 0])

@@ -7,6 +7,7 @@ import re
 import warnings
 from dataclasses import replace
 from functools import cache
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -110,6 +111,11 @@ PRESETS = {
 }
 
 
+def _value(scenario: Any, key: str) -> Any:
+    """What a scenario has for a key such as ``platform.arm_length_m``."""
+    return attrgetter(key)(scenario)
+
+
 @pytest.mark.parametrize("better", [False, True])
 @pytest.mark.parametrize("name", [*shipped(), "presets"])
 def test_what_is_switched_is_gone(name: str, better: bool) -> None:
@@ -124,8 +130,8 @@ def test_what_is_switched_is_gone(name: str, better: bool) -> None:
     for source in there:
         for part in SOURCES[source].parts:
             for key in part.keys:
-                old, new = (np.abs(np.ravel(sources._value(s, key)) - (
-                    sources._value(s, part.about) if part.about else 0)) for s in (base, after))
+                old, new = (np.abs(np.ravel(_value(s, key)) - (
+                    _value(s, part.about) if part.about else 0)) for s in (base, after))
                 assert (new <= old + 1e-12).all(), key
 
 
@@ -173,18 +179,28 @@ def test_which_errors_are_the_same_in_every_run() -> None:
 def test_an_untold_receiver_has_the_parameters_of_the_whole_scenario(
     receiver: str, better: bool
 ) -> None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        base = load(DIVE)
-        changes = sources.switched(base, sources.of_scenario(base, better), better)
-        pins = budgets._pins(base, receiver, changes)
-        before = connect(base, receiver).components[receiver].parameters
-        untold = load(base.given(), (changes | pins).items())
-        after = connect(untold, receiver).components[receiver].parameters
-        told = connect(load(base.given(), changes.items()), receiver)
-    assert after == before
-    if receiver != "multilateration":
-        assert told.components[receiver].parameters != before
+    def parameters(untold: bool) -> list[Any]:
+        """Those of the receiver in the runs of each switch, beginning with the whole."""
+        found = []
+
+        def made_up(made: Any, *_: Any) -> pd.DataFrame:
+            found.append(connect(made.base, receiver).components[receiver].parameters)
+            columns = [f"{receiver}.{frame}_total_rms_m" for frame in ("absolute", "own_relative")]
+            table = pd.DataFrame(1.0, columns=columns, index=range(30))
+            return table.assign(error=None, **{f"{receiver}.lost": 0.0})
+
+        with Seam() as own, warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            own.instead(budgets.runner.simulated, made_up)
+            own.instead(budgets.bounds, lambda *_: None)
+            sblcosim.budget(DIVE, receiver, runs=30, better=better, untold=untold)
+        assert len(found) > 5
+        return found
+
+    whole, *others = parameters(untold=True)
+    assert all(other == whole for other in others)
+    whole, *others = parameters(untold=False)
+    assert any(other != whole for other in others)
 
 
 # --- What a share is -----------------------------------------------------------------------------
@@ -565,12 +581,34 @@ def test_a_run_without_an_error_drops_its_seed_and_not_its_frame(
         ([("all", 1, 0), ("off", slice(None), 0)], [1]),
     ],
 )
-def test_seeds_of_which_a_run_has_no_error(missing: Any, dropped: list[int]) -> None:
-    every = {name: np.ones((8, 2)) for name in ("all", "off", "on")}
-    for name, seed, frame in missing:
-        every[name][seed, frame] = np.nan
-    out = budgets._without_estimate([*every.values()], np.zeros(8, bool))
-    assert np.flatnonzero(out).tolist() == dropped
+def test_seeds_of_which_a_run_has_no_error(
+    missing: Any, dropped: list[int], seam: Seam
+) -> None:
+    """Whatever switch it is: the runs of that seed count for none, and those of others do."""
+    kept_on = {"GPS", "range noise"}
+    base = load(PAPER)
+    only = sources.switched(base, [name for name in sources.of_scenario(base)
+                                   if name not in kept_on])  # fmt: skip
+    columns = [f"coupled.{frame}_total_rms_m" for frame in ("absolute", "own_relative")]
+    errors = np.linspace(1.0, 2.0, 40)[:, None] * np.ones(2)
+    names = iter(("all", "off", "on", "none"))  # the whole, without GPS, without noise, neither
+
+    def made_up(*_: Any, **__: Any) -> pd.DataFrame:
+        name, values = next(names), errors.copy()
+        for where, seed, frame in missing:
+            if where == name:
+                values[seed, frame] = np.nan
+        table = pd.DataFrame(values, columns=columns)
+        return table.assign(error=None, **{"coupled.lost": 0.0})
+
+    seam.instead(budgets.runner.simulated, made_up)
+    seam.instead(budgets.bounds, lambda *_: None)
+    found = sblcosim.budget(PAPER, "coupled", only.items(), runs=40)
+    assert next(names, "") == ""
+    assert (found.dropped, found.runs) == (len(dropped), 40 - len(dropped))
+    rms = np.sqrt(np.mean(np.delete(errors[:, 0], dropped) ** 2))
+    for frame in found.table["frame"].unique():
+        assert found.of(frame).loc[ALL, "rms_m"] == pytest.approx(rms, rel=1e-12)
 
 
 @pytest.mark.parametrize("source", ["packet loss", "platform motion", "GPS"])

@@ -16,6 +16,7 @@ from sblcosim.errors import ConfigurationError
 from sblcosim.report.common import as_toml
 from sblcosim.simulation.code import local_files, origins, user_code
 from sblcosim.study import load, store
+from seams import Seam
 
 from .identity_cases import CHANGES, IMPORTS, OTHER_FILES, REFUSED, SAME, USED, Files
 
@@ -205,7 +206,7 @@ def test_code_that_is_not_that_of_its_file_is_refused(
 
 
 def test_packages_are_known_by_their_versions(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seam: Seam
 ) -> None:
     place = tmp_path / "site-packages"
     about = place / "its_package-1.dist-info" / "METADATA"
@@ -216,9 +217,7 @@ def test_packages_are_known_by_their_versions(
     known = set()
     for version in ("1.0", "1.0", "1.1"):
         about.write_text(f"Metadata-Version: 2.1\nName: its_package\nVersion: {version}\n")
-        origins.package_of.cache_clear()
-        origins._version.cache_clear()
-        local_files._LOADED.clear()
+        seam.forgets(origins, local_files)
         function, sha256 = function_of_file("m.py:target", tmp_path, "model")
         known.add((sha256, user_code.fingerprint(function, "model", "target")))
     assert len(known) == len({file for file, _ in known}) == len({code for _, code in known}) == 2

@@ -92,9 +92,9 @@ def test_the_recursion_agrees_with_all_epochs_at_once(scenario: str) -> None:
     settled = load(scenario)
     record = a_record(13)
     bound = limits.reference(record, settled, acceleration_psd=0.002)
-    epoch, heard, depth = limits.run._events(record, None)
+    epoch, heard, depth = limits.run.events_of(record, None)
     model = parameters.model_of(settled, 0.002)
-    position, epochs = limits.run._along(record, model, epoch, heard, depth)
+    position, epochs = limits.run.epochs_along(record, model, epoch, heard, depth)
     absolute, relative = stacked(model, epochs, position, 0.002)
     for mine, theirs in ((bound.absolute[-1], absolute), (bound.relative[-1], relative)):
         np.testing.assert_allclose(mine, theirs, rtol=0, atol=1e-9 * absolute[0, 0])

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import product
 from typing import Any
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
@@ -141,12 +143,22 @@ def test_verdicts_by_point_are_those_of_its_runs() -> None:
         assert row.mean_nees == pytest.approx(mine.mean(), rel=1e-14)
 
 
+def drawn(x: Any, y: Any) -> Any:
+    """The dots of some residuals y against fits x."""
+    table = pd.DataFrame({"fit": x, "residual": y, "run_order": 1.0})
+    found = replace(analyse(unbalanced(1), FACTORS, "y"), residuals=table)
+    _, _, fits, _ = figures.plot_residuals(found)
+    (dots,) = (line for line in fits.lines if line.get_marker() == ".")
+    plt.close(fits.figure)
+    return dots.get_xydata()
+
+
 def test_of_many_points_those_are_drawn_that_can_be_seen() -> None:
     rng = np.random.default_rng(1)
     few = rng.normal(size=(2, figures.MOST_DOTS))
-    assert all((a == b).all() for a, b in zip(figures._seen(*few), few, strict=True))
+    assert (drawn(*few) == few.T).all()
     x, y = rng.normal(size=(2, 500_000))
-    seen = np.column_stack(figures._seen(x, y))
+    seen = drawn(x, y)
     assert figures.MOST_DOTS < len(seen) < figures.CELLS**2
     whole = np.column_stack([x, y])
     size = np.ptp(whole, axis=0) / figures.CELLS
@@ -156,6 +168,7 @@ def test_of_many_points_those_are_drawn_that_can_be_seen() -> None:
 
 
 def test_points_on_a_line_are_drawn_and_unknown_ones_are_not() -> None:
-    x = np.append(np.linspace(0, 1, figures.MOST_DOTS + 1), np.nan)
-    for dots in (figures._seen(x, np.zeros_like(x)), figures._seen(np.ones_like(x), x)):
-        assert len(dots[0]) == len(dots[1]) == figures.CELLS + 1
+    x = np.linspace(0, 1, figures.MOST_DOTS + 1)
+    unknown = np.append(x, np.nan)
+    for dots in (drawn(unknown, np.ones_like(unknown)), drawn(np.ones_like(x), x)):
+        assert len(dots) == figures.CELLS + 1

@@ -528,8 +528,10 @@ def test_the_structures_are_those_of_the_loop(tmp_path):
     """Sizes and places of all members, as the compiler sees them."""
     source = (c_libraries.FOLDER / "native.c").read_text()
     renamed = {"source": "from", "target": "to"}
-    structures = {"call": native._Call, "copy": native._Copy, "component": native._Component,
-                  "progress": Progress, "run": native._Run}  # fmt: skip
+    structures = {"call": native.NativeCall, "copy": native.NativeCopy,
+                  "conversion": native.NativeConversion,
+                  "component": native.NativeComponent, "progress": Progress,
+                  "run": native.NativeRun}  # fmt: skip
     expected, places = [], []
     for name, structure in structures.items():
         expected.append(ctypes.sizeof(structure))

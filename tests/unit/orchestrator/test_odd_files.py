@@ -209,9 +209,10 @@ def test_times_with_and_without_a_zone_are_refused(zones: tuple[str, str], tmp_p
 @pytest.mark.parametrize("metadata", [b"", b"{", b"\xff", b"[1"])
 def test_a_part_with_broken_metadata_is_refused(metadata: bytes, tmp_path: Path) -> None:
     table = pa.table({"point": [1], "replicate": [1], "run_id": ["a"]})
-    parquet.write_table(table.replace_schema_metadata({"pandas": metadata}), tmp_path / "p.parquet")
+    path = tmp_path / "p.parquet"
+    parquet.write_table(table.replace_schema_metadata({"pandas": metadata}), path)
     with pytest.raises(ConfigurationError, match=r"p\.parquet: must be"):
-        parts._opened(tmp_path / "p.parquet")
+        parts.table(parts.Parts(tmp_path, (path,), frozenset()))
 
 
 @pytest.mark.parametrize("cost", ["1e308", "1e16"])

@@ -1170,7 +1170,9 @@ def test_a_package_is_drawn_as_a_picture(stranger2: Path, tmp_path: Path) -> Non
     assert "prefers-color-scheme:dark" in str(look.text)
     width, height = (float(root.get(side, "")) for side in ("width", "height"))
     ways = " ".join(str(way.get("d")) for way in root.iter(f"{space}path"))
-    for number in re.findall(r"[-\d.]+", ways):
+    numbers = re.findall(r"[-\d.]+", ways)
+    assert len(numbers) > 2 * len(said[1:])  # a connection has two ends at least
+    for number in numbers:
         assert -width / 4 <= float(number) <= max(width, height)  # within the texts of connectors
 
 

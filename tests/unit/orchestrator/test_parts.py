@@ -83,17 +83,17 @@ def flip(path: Path, bit: int) -> None:
 
 
 @pytest.fixture
-def read(seam: Seam) -> Counter[str]:
+def read(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
     """Rows read of each column."""
     rows: Counter[str] = Counter()
-    original = parts._columns
+    original = parquet.ParquetFile.read
 
-    def counted(path: Path, wanted: parts.Wanted | None = None) -> pa.Table:
-        arrow = original(path, wanted)
+    def counted(file: parquet.ParquetFile, *given: Any, **named: Any) -> pa.Table:
+        arrow = original(file, *given, **named)
         rows.update(dict.fromkeys(arrow.column_names, len(arrow)))
         return arrow
 
-    seam.instead(parts._columns, counted)
+    monkeypatch.setattr(parquet.ParquetFile, "read", counted)
     return rows
 
 
@@ -333,22 +333,26 @@ def test_a_study_may_have_more_parts_than_a_process_may_open_files(
     assert len(pd.read_parquet(out / "runs.parquet")) == 40 * len(rows)
 
 
-def test_rows_in_any_order_are_put_in_that_of_replicates_and_points() -> None:
+def test_rows_in_any_order_are_put_in_that_of_replicates_and_points(tmp_path: Path) -> None:
     """By their keys alone, whichever of the two is not in order, and each run once."""
     rng = np.random.default_rng(3)
     replicate, point = np.repeat([1, 2, 3], 4), np.tile([0, 1, 2, 3], 3)
     ids = np.array([f"{i:016x}" for i in range(12)])
 
-    def table(rows: Any) -> pa.Table:
+    def table(rows: Any) -> pd.DataFrame:
         columns = {"replicate": replicate[rows], "point": point[rows], "run_id": ids[rows]}
-        return pa.table(columns)
+        return pd.DataFrame(columns)
+
+    def read_back(rows: Any) -> pd.DataFrame:
+        path = tmp_path / "part.parquet"
+        table(rows).to_parquet(path)
+        return parts.table(parts.Parts(tmp_path, (path,), frozenset()))
 
     inside, between, twice = np.arange(12), np.arange(12), np.append(np.arange(12), 5)
     inside[[4, 5]] = 5, 4  # points of a replicate
     between[[3, 4]] = 4, 3  # replicates
     orders = [inside, between, twice, *(rng.permutation(12) for _ in range(20))]
     for rows in orders:
-        assert parts._order(table(rows)) is not None
-        assert parts._ordered(table(rows)).equals(table(np.arange(12)))
+        pd.testing.assert_frame_equal(read_back(rows), table(np.arange(12)))
     gaps = np.flatnonzero(rng.random(12) < 0.5)
-    assert parts._order(table(gaps)) is None
+    pd.testing.assert_frame_equal(read_back(gaps), table(gaps))

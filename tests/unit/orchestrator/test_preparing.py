@@ -5,8 +5,10 @@ from __future__ import annotations
 import gc
 import hashlib
 import json
+import math
 import random
 import warnings
+from collections.abc import Sequence
 from dataclasses import replace
 from enum import IntEnum
 from pathlib import Path
@@ -20,6 +22,7 @@ from sblcosim.fmus.read.ports import Port
 from sblcosim.models import COMPONENTS
 from sblcosim.scenario import wiring
 from sblcosim.scenario.scenario import load as load_scenario
+from sblcosim.simulation.how import How
 from sblcosim.simulation.plans.settings import settings_of
 from sblcosim.simulation.system import ComponentSpec
 from sblcosim.study import campaign, load, runner
@@ -147,25 +150,36 @@ TRAJECTORIES = [*COMPONENTS["target"]["trajectory"].choices.values()]
 
 
 @pytest.mark.parametrize("trajectory", TRAJECTORIES)
-def test_nothing_at_the_start_depends_on_the_depth_sensor(trajectory: str) -> None:
-    own = {
+def test_a_shared_start_is_the_one_that_each_has_alone(trajectory: str) -> None:
+    """Whatever key of the target points differ in: a start is shared only if it does not count."""
+    own: dict[str, Any] = {
         "file": {"track_time_s": [1.0, 40.0], "track_m": [[0.0, 0.0, 2.0], [9.0, 0.0, 3.0]]},
         "waypoints": {"waypoint_m": [[0.0, 0.0, 2.0], [9.0, 1.0, 3.0]]},
         "white_noise_acceleration": {"initial_position_std_m": 2.0},
     }.get(trajectory, {})
+    usual = {"target": {"trajectory": trajectory, "seed": 3, **own}}
+    changes = {"time.sampling_time_s": 0.25, "target.seed": 4} | {
+        f"target.{v.key}": min(v.starts[0] + 0.25, math.inf if v.max is None else v.max)
+        for v in COMPONENTS["target"].of("parameter") if v.type == "Float64" and not v.shape
+    }
 
-    def start(changes: dict[str, float]) -> Any:
-        tables = {
-            "time": {"duration_s": 5.0}, "target": {"trajectory": trajectory, "seed": 3, **own},
-        }  # fmt: skip
-        system = wiring.connect(load_scenario(tables, changes), ["ekf"])
-        return wiring._start_of(system.components["target"], wiring._STARTS)
+    def told(duration_s: Any, changes: dict[str, float]) -> str:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            try:
+                given = load_scenario({"time": {"duration_s": duration_s}, **usual}, changes)
+                return repr(wiring.connect(given, ["coupled"]))
+            except SblcosimError as error:
+                return str(error)
 
-    keys = {COMPONENTS["target"][name].key for name in wiring._OF_SENSOR}
-    usual = start({})
-    for value in (0.25, 0.5):
-        changed = {f"target.{key}": value for key in keys - {"sampling_time_s"}}
-        assert start({"time.sampling_time_s": value, **changed}) == usual
+    for duration_s in (5.0, "path"):
+        points = [{}, *({key: value} for key, value in changes.items())]
+        alone = [told(duration_s, point) for point in points]
+        assert len(set(alone)) > 5 or duration_s == "path"
+        with unchanged.assumed():
+            shared = [told(duration_s, point) for point in points]
+        assert dict(zip(changes, shared[1:], strict=True)) == dict(
+            zip(changes, alone[1:], strict=True))
 
 
 def test_the_target_starts_once_for_points_that_differ_in_their_sensors(
@@ -275,18 +289,28 @@ def test_what_is_missing_is_sampled_without_looking_at_what_is_there(
     prepared = campaign.prepare(study)
     group_of = {p: n for n, group in enumerate(prepared.groups) for p in group.places}
     rng = np.random.default_rng(1)
-    original, asked = campaign.run_of, []
+    original, asked, simulated = campaign.run_of, [], []
     seam.instead(runner.run_of, lambda *a: asked.append(a) or original(*a))
-    for rows, share, size in ((40, 0.9, 5), (40, 0.99, 3), (40, 1.0, 2), (35, 0.95, 9), (0, 0, 4)):
+    seam.instead(runner.simulate, lambda _, runs, *__: simulated.append([*runs]))
+    first = -(-runner.SIDE_BY_SIDE // len(prepared.groups))
+    for rows, share in ((40, 0.9), (40, 0.99), (40, 1.0), (35, 0.95), (0, 0)):
         done = rng.random((rows, 4)) < share
-        what = runner.Missing(done, 1, 1, (1,) * 4)
-        wanted: list[Run] = []
-        counts = dict.fromkeys(group_of.values(), 0)
-        for run in campaign.batch(prepared, 1, 40):
-            number = group_of[run.place]
-            if not what.has(run) and counts[number] < size:
-                counts[number] += 1
-                wanted.append(run)
+        there = runner.Missing(done, 1, 1, (1,) * 4)
+        missing = [run for run in campaign.batch(prepared, 1, 40) if not there.has(run)]
+
+        def of_each_group(size: int, missing: Sequence[Run] = missing) -> list[Run]:
+            of_groups: dict[int, list[Run]] = {}
+            for run in missing:
+                of_groups.setdefault(group_of[run.place], []).append(run)
+            few = [run for group in of_groups.values() for run in group[:size]]
+            return [run for run in missing if run in few]
+
         asked.clear()
-        assert runner._sample(prepared, what, size) == wanted
-        assert len(asked) == len(wanted)
+        simulated.clear()
+        runner.estimate(prepared, replace(there, runs=len(missing)), How(workers=1))
+        sizes = [1, first]
+        while missing and len(of_each_group(sizes[-1])) < len(missing):
+            sizes.append(4 * sizes[-1])
+        wanted = [of_each_group(size) for size in sizes] if missing else []
+        assert simulated == [*wanted, *wanted[-1:] * (runner.SAMPLES - 1)]
+        assert len(asked) == sum(map(len, wanted))

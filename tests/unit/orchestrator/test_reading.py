@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from sblcosim.analysis.advice import of_study as study_advice
+from sblcosim.analysis.advice.of_study import advice_on_study
 from sblcosim.cli import app
 from sblcosim.errors import ConfigurationError
 from sblcosim.scenario.reading import DEEPEST, LARGEST, check_values, parse
@@ -42,12 +42,22 @@ def line_of(call: Callable[[], object]) -> str:
     return line
 
 
+@pytest.fixture(scope="module")
+def costs(tmp_path_factory: pytest.TempPathFactory) -> Callable[[Path], object]:
+    """Reads a file of costs, for advice on the results of a small study."""
+    out = tmp_path_factory.mktemp("costs") / "out"
+    fixed = {"time.duration_s": 2.0}
+    tables = {"scenario": "paper-scenario-1", "fixed": fixed, "factors": {"a": ARM}}
+    study.load({**tables, "replicates": 2}).run(out)
+    return lambda file: advice_on_study(out, costs=file)
+
+
 @pytest.mark.parametrize("name", TEXTS)
-def test_a_text_that_is_too_much_is_refused_in_one_short_line(name: str, tmp_path: Path) -> None:
+def test_a_text_that_is_too_much_is_refused_in_one_short_line(
+    name: str, tmp_path: Path, costs: Callable[[Path], object]
+) -> None:
     text, message = TEXTS[name]
-    for kind, read in (
-        ("scenario", load), ("study", study.load), ("costs", study_advice._read),
-    ):
+    for kind, read in (("scenario", load), ("study", study.load), ("costs", costs)):
         file = tmp_path / f"{kind}.toml"
         file.write_text(text)
         line = line_of(lambda: read(file))  # noqa: B023
@@ -150,18 +160,20 @@ def test_the_command_line_says_it_without_a_traceback(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not Path("/dev/zero").exists(), reason="needs a file without end")
-def test_a_file_without_end_is_not_read() -> None:
-    for read in (load, study.load, study_advice._read):
+def test_a_file_without_end_is_not_read(costs: Callable[[Path], object]) -> None:
+    for read in (load, study.load, costs):
         assert line_of(lambda: read(Path("/dev/zero"))) == (  # noqa: B023
             "/dev/zero: must be a file that can be read, got a device"
         )
 
 
-def test_a_large_file_is_not_read_to_its_end(tmp_path: Path) -> None:
+def test_a_large_file_is_not_read_to_its_end(
+    tmp_path: Path, costs: Callable[[Path], object]
+) -> None:
     large = tmp_path / "large.toml"
     with large.open("wb") as file:
         file.truncate(1 << 40)  # of holes
-    for read in (load, study.load, study_advice._read):
+    for read in (load, study.load, costs):
         assert line_of(lambda: read(large)) == (  # noqa: B023
             f"{large}: must have at most {LARGEST:,} bytes, got more"
         )

@@ -198,7 +198,9 @@ def test_points_are_means_over_the_runs_that_have_not_failed(
     points = sorted(set(good["point"]))
     agree(shown["Point"], points, "point")
     agree(shown["Runs"], [sum(good["point"] == p) for p in points], "runs")
-    for column in [c for c in shown if ": " in c]:
+    columns = [c for c in shown if ": " in c]
+    assert columns
+    for column in columns:
         receiver, _, words = column.partition(": ")
         name = {"mean RMS [m]": "absolute_total_rms_m"}.get(words, words)
         means = [good.loc[good["point"] == p, f"{receiver}.{name}"].mean() for p in points]

@@ -25,7 +25,7 @@ from sblcosim.errors import ConfigurationError
 from sblcosim.fmus.build import factory
 from sblcosim.judge.definitions import LOST
 from sblcosim.report.common import as_toml
-from sblcosim.require import figures, limiting, sequential, weighing
+from sblcosim.require import figures, limiting, sequential
 from sblcosim.require.figures import plot_front, plot_narrow
 from sblcosim.require.file_schema import question_schema
 from sblcosim.require.question import Question, passable
@@ -93,9 +93,9 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> tuple[Requirement, Path]:
 
 def pretended(
     question: Question, share: Mapping[int, float], scale: float = 0.5, seed: int = 1,
-    until_sure: bool = False,
+    until_sure: bool = False, over: Mapping[int, float] | None = None,
 ) -> Requirement:
-    """The answer if so many runs of each design were within the limit."""
+    """The answer if so many runs of each design were within the limit; ``over``: others by that."""
     elimination = Elimination(
         question.rule, [d.group for d in question.designs], question.terms.most_runs,
         [d.cost for d in question.designs] if until_sure else None,
@@ -109,7 +109,7 @@ def pretended(
                 good = rng.random(batch.stop - batch.start) < share[number]
                 made = question.terms.limit * np.where(
                     good, rng.uniform(0.9, 1.0, len(good)) * (1 - scale * 0.01),
-                    1 + scale * rng.random(len(good)),
+                    1 + (scale * rng.random(len(good)) if over is None else over[number]),
                 )  # fmt: skip
                 values.setdefault((number, batch.condition), []).append(made)
                 passed[number] = int((made <= question.terms.limit).sum())
@@ -368,17 +368,16 @@ def test_open_is_an_answer_and_says_how_many_runs_it_takes() -> None:
 
 def test_the_nearest_does_not_surely_fail_while_others_are_open() -> None:
     """Even where a failing one has a smaller percentile: that one is out of the question."""
-    question = require.load(QUESTION)
-    designs = pretended(question, dict.fromkeys(range(6), 0.5)).designs
-
-    def row(**columns: list[Any]) -> int:
-        return weighing._nearest(designs.assign(**columns))
-
-    estimates = [1.2, 1.1, 1.5, 1.4, float("nan"), float("nan")]
-    verdicts = ["fails", "fails", "undecided", "undecided", "undecided", "undecided"]
-    runs = [96, 96, 96, 96, 0, 0]
-    assert row(estimate=estimates, verdict=verdicts, runs=runs) == 3
-    assert row(estimate=estimates, verdict=["fails"] * 4 + ["undecided"] * 2, runs=runs) == 1
+    question = require.load(changed(most_runs=4 * 96))
+    over = {0: 0.2, 1: 0.1, 2: 0.5, 3: 0.4}
+    open_ = pretended(question, {0: 0.6, 1: 0.6, 2: 0.86, 3: 0.86}, over=over)
+    assert open_.designs["verdict"].tolist() == ["fails"] * 2 + ["undecided"] * 4
+    assert open_.designs["runs"].tolist() == [96] * 4 + [0] * 2
+    np.testing.assert_allclose(open_.designs["estimate"][:4], [1.2, 1.1, 1.5, 1.4])
+    assert open_.nearest == 3
+    failing = pretended(question, dict.fromkeys(range(4), 0.6), over=over)
+    assert failing.designs["verdict"].tolist() == ["fails"] * 4 + ["undecided"] * 2
+    assert failing.nearest == 1
     # Where all that were tried fail, it is said that others were not.
     tried = pretended(require.load(changed(most_runs=3 * 96)), dict.fromkeys(range(6), 0.1))
     assert tried.counts == {"suffices": 0, "fails": 3, "undecided": 3}
@@ -689,8 +688,16 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_named_receiver_leaves_the_keys_of_others_behind(receiver: str) -> None:
     """The paper's scenario has keys that only its own receiver takes."""
     base = sblcosim.load("paper-scenario-1", {"time.duration_s": 5.0})
-    named = weighing._with_receiver(base, receiver)
-    assert named.receiver.type == receiver
+    levels = ["ekf", "coupled", "sequential", "multilateration"]
+    answer = pretended(
+        require.load(changed(
+            choices={"who": {"keys": ["receivers"], "levels": levels}}, settling_time_s=0.0,
+            fixed={"time.duration_s": 5.0},
+        )),
+        {number: float(level == receiver) for number, level in enumerate(levels)},
+    )  # fmt: skip
+    named = answer.scenario
+    assert answer.of(answer.chosen)["who"] == named.receiver.type == receiver
     alone = sblcosim.run(named, receiver)
     beside = sblcosim.run(base, ["ekf", receiver])
     pd.testing.assert_frame_equal(alone.errors.loc[[receiver]], beside.errors.loc[[receiver]])
@@ -1042,8 +1049,9 @@ def test_a_limit_of_0_is_refused_where_it_is_asked_for(tmp_path: Path) -> None:
     require.load(changed(limit=0, response="lost"))
 
 
-def test_a_question_may_be_moved_with_its_files(tmp_path: Path) -> None:
+def test_a_question_may_be_moved_with_its_files(tmp_path: Path, seam: Seam) -> None:
     """What its files hold decides, not where they are or how the question is named."""
+    seam.tuned(limiting_runs=2)  # a function of the user's takes its runs one by one
     here, there = tmp_path / "here", tmp_path / "elsewhere" / "deep"
     here.mkdir()
     here.joinpath("own.py").write_text("def spread(run):\n    return 0.5\n", "utf-8")
@@ -1052,7 +1060,7 @@ def test_a_question_may_be_moved_with_its_files(tmp_path: Path) -> None:
     choice = {"keys": ["receivers"], "levels": ["ekf", "mine.fmu"], "costs": [5, 0]}
     tables = changed(
         name=None, scenario="dive.toml", response="own.py:spread", most_runs=96,
-        choices={"who": choice},
+        choices={"who": choice}, fixed={"time": {"duration_s": 2.0}}, settling_time_s=1.0,
     )  # fmt: skip
     here.joinpath("asked.toml").write_text(as_toml(tables), "utf-8")
     first = require.decide(here / "asked.toml", tmp_path / "out")

@@ -201,13 +201,15 @@ def test_all_passing_runs_that_a_claim_takes() -> None:
 
 
 def test_how_many_runs_would_decide() -> None:
-    rule = Rule(0.95, 0.05, 8)
+    rule, earlier = Rule(0.95, 0.05, 8), 0
     for passed, runs in ((932, 1000), (968, 1000), (96, 96), (940, 1000)):
         n = rule.runs_to_decide(passed, runs)
         assert n is not None
         assert rule.verdict(passed * n // runs, n) != "undecided"
         before = [m for m in takewhile(lambda m: m < n, looks()) if m > runs]  # noqa: B023
         assert all(rule.verdict(passed * m // runs, m) == "undecided" for m in before)
+        earlier += len(before)
+    assert earlier > 4
     assert rule.runs_to_decide(95, 100) is None
 
 

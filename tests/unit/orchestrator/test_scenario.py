@@ -350,7 +350,9 @@ def test_a_preset_is_refused_when_all_its_keys_were_said_after_it() -> None:
 
 
 def test_a_file_may_state_a_preset_and_all_its_keys() -> None:
-    load({"platform": {"beaufort": 2, **dict.fromkeys(SEA, 1.0)}})
+    platform = load({"platform": {"beaufort": 2, **dict.fromkeys(SEA, 1.0)}}).platform
+    assert SEA
+    assert {getattr(platform, key) for key in SEA} == {1.0}
 
 
 def test_what_follows_from_an_overridden_key_follows() -> None:

@@ -14,7 +14,6 @@ import sblcosim
 from pyarrow import parquet
 from sblcosim.errors import BuildError, ConfigurationError, ConfigurationWarning, FmuError
 from sblcosim.results.sums import SUMS
-from sblcosim.simulation import resolve
 from sblcosim.simulation.masters import lanes, lanes_layout, native
 from sblcosim.study import again, batch, campaign, definition, executors, study
 from seams import Seam
@@ -226,22 +225,31 @@ def test_warnings_of_a_study_come_once_with_a_count(seam: Seam) -> None:
     ]
 
 
-def test_runs_of_a_study_do_not_warn_again(
-    tmp_path: Path, seam: Seam
-) -> None:
+WITHOUT_A_UNIT = """
+from dataclasses import replace
+import sblcosim
+
+
+class Mine(sblcosim.Receiver):
+    @property
+    def variables(self):
+        return tuple(replace(v, unit=None) if v.name == "depth" else v for v in super().variables)
+
+    def update(self, samples):
+        return sblcosim.Estimate(samples[-1].epoch, (0.0, 0.0, 5.0))
+"""
+
+
+def test_runs_of_a_study_do_not_warn_again(tmp_path: Path) -> None:
     """With the master that looks up every run on its own."""
-    made = small(factors={"arm": ARM}, replicates=3)
-    original = resolve._connections
-
-    def connections(system: Any, ports: Any) -> Any:
-        known, messages = original(system, ports)
-        return known, [*messages, *(["no unit"] if system.connections else [])]
-
-    seam.instead(resolve._connections, connections)
+    (tmp_path / "mine.py").write_text(WITHOUT_A_UNIT)
+    made = small(factors={"arm": ARM}, replicates=3, receivers=[str(tmp_path / "mine.py")])
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        made.run(tmp_path / "out", master="native")
-    assert [str(w.message) for w in caught] == ["no unit (at 2 of 2 points)"]
+        table = made.run(tmp_path / "out", master="native")
+    assert table["error"].isna().all()
+    (message,) = [str(w.message) for w in caught]
+    assert message.endswith("the same unit, got m and none (at 2 of 2 points)")
 
 
 def test_a_file_that_is_no_study_is_refused(tmp_path: Path) -> None:

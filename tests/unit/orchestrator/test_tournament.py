@@ -727,4 +727,7 @@ def test_a_build_of_an_earlier_version_is_another_receiver(
     earlier, today = tmp_path / "earlier.fmu", factory.build("coupled", 2)
     earlier.write_bytes(factory.build("ekf", 2).read_bytes())
     seam.instead(factory.build, lambda *a, **k: today, only=alike)
-    tournament.compare("harbour-square", ["ekf", earlier], runs=2, overrides=SHORT, timed=False)
+    found = tournament.compare(
+        "harbour-square", ["ekf", earlier], runs=2, overrides=SHORT, timed=False
+    )
+    assert found.receivers == ("ekf", "earlier")
