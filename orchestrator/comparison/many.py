@@ -20,6 +20,7 @@ from ..results.result import Result
 from ..scenario.files import naming_files
 from ..scenario.scenario import Receivers, Scenario, load
 from ..shown import Shown, page, verbatim
+from ..simulation.process import patient
 from ..study.kept import Kept
 from ..words.numbers import measured
 from . import tournament_words
@@ -180,6 +181,7 @@ class Many(Shown):
 
 @interruptible
 @naming_files
+@patient
 def run_many(
     scenario: str | Path | Mapping[str, Any] | Scenario,
     receiver: Receivers = (),

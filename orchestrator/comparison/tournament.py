@@ -32,7 +32,7 @@ from ..scenario.scenario import load as load_scenario
 from ..scenario.sources import known_source
 from ..shown import Picture, Shown, page, verbatim
 from ..simulation.how import How
-from ..simulation.process import patience
+from ..simulation.process import patient
 from ..study import runner
 from ..study.kept import Kept
 from ..study.study import Study
@@ -195,6 +195,7 @@ class Tournament(Shown):
 
 @interruptible
 @naming_files
+@patient
 def compare(
     scenarios: AnyScenario | Sequence[AnyScenario],
     receivers: Receivers = (),
@@ -261,8 +262,7 @@ def compare(
         "replicates": runs, "settling_time_s": settling_s, "seed": 1 if first is None else first,
         "responses": [PERCENTILE, *(() if asked in (None, PERCENTILE) else (asked,))],
     }  # fmt: skip
-    with patience(step_timeout):
-        studies = [study_of(scenario, receivers, keys, about) for scenario in several]
+    studies = [study_of(scenario, receivers, keys, about) for scenario in several]
     if not studies:
         raise ConfigurationError("scenarios: must be at least one, got none")
     names = [study.base.name for study in studies]

@@ -19,7 +19,7 @@ from ..errors import resolved
 from ..scenario.files import naming_files
 from ..simulation.children import Children
 from ..simulation.how import HOW, How
-from ..simulation.process import foreign
+from ..simulation.process import foreign, patient
 from . import executors, parts
 from .batch import simulate, steps_of
 from .campaign import (
@@ -53,6 +53,7 @@ KEPT_STEPS, KEPT_ALONE = 10_000_000, 4
 
 
 @interruptible
+@patient
 def run(
     study: Definition,
     out: str | Path,
