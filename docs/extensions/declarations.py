@@ -3,7 +3,7 @@
 ``{scenario-keys} TABLE`` lists the keys of a table of a scenario file, from the declarations of the
 components and the schema; ``{commands}`` all commands of ``sblcosim`` with their options;
 ``{json-documents}`` what they print with ``--json``; ``{columns} TABLE`` the columns of a table of
-a run, from `sblcosim.results.columns`.
+a run, from `sblcosim.results.columns`; ``{likes}`` the systems that a scenario may begin like.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ from sblcosim.models.declaration import INT32_MAX, UNITS, Component, Condition, 
 from sblcosim.models.settings.assumptions import SOURCES
 from sblcosim.models.settings.keys import default, in_file_units
 from sblcosim.results.columns import TABLES
-from sblcosim.scenario.scenario import Scenario
+from sblcosim.scenario.likes import LIKES
+from sblcosim.scenario.scenario import Scenario, load
 from sblcosim.scenario.schema import (
     COMMON,
     CORE_COMPONENTS,
@@ -64,6 +65,13 @@ class Columns(SphinxDirective):
 
     def run(self) -> list[nodes.Node]:
         return self.parse_text_to_nodes("\n".join(columns(self.arguments[0])))
+
+
+class Likes(SphinxDirective):
+    """The systems that a scenario may begin like."""
+
+    def run(self) -> list[nodes.Node]:
+        return self.parse_text_to_nodes("\n".join(likes()))
 
 
 # --- Keys of scenario files ----------------------------------------------------------------------
@@ -323,6 +331,20 @@ def columns(table: str) -> Iterator[str]:
     yield ":::"
 
 
+# --- Systems to begin with -----------------------------------------------------------------------
+
+
+def likes() -> Iterator[str]:
+    """Markdown of the systems that a scenario may begin like."""
+    yield from (":::{list-table}", ":header-rows: 1", ":widths: 3 9 3")
+    yield "* - `--like`\n  - what it is\n  - receiver"
+    for name, it in LIKES.items():
+        shipped = f" (`{it.source}`)" if isinstance(it.source, str) else ""
+        receiver = load(it.source).receiver.type
+        yield f"* - `{name}`\n  - {_plain(it.about)}{shipped}\n  - `{receiver}`"
+    yield ":::"
+
+
 def _plain(text: str) -> str:
     """A help text as Markdown that shows it as it is."""
     return re.sub(r"([<*_`])", r"\\\1", text.replace("\b", ""))
@@ -339,4 +361,5 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.add_object_type("json-part", "part", "pair: %s; JSON", objname="part of JSON")
     app.add_directive("json-documents", JsonDocuments)
     app.add_directive("columns", Columns)
+    app.add_directive("likes", Likes)
     return {"parallel_read_safe": True}
