@@ -115,6 +115,14 @@ def test_an_extension_is_one_file_and_at_most_one_line_elsewhere(title: str) -> 
     assert len(changes) - len(added) <= len(added)
 
 
+def with_documents(copy: Copy, text: str, *arguments: str) -> str:
+    """What a program prints that also imports the extensions of the documents."""
+    (copy.folder / "asked.py").write_text(text, "utf-8")
+    path = f'PYTHONPATH="$PYTHONPATH{os.pathsep}{ROOT / "docs" / "extensions"}"'
+    given = " ".join(map(shlex.quote, arguments))
+    return copy.run(f"{path} '{sys.executable}' asked.py {given}")
+
+
 SHORT = "sblcosim run harbour-square --no-figures --set time.duration_s=20"
 
 
@@ -154,8 +162,17 @@ def test_a_trajectory(copy: Copy) -> None:
     assert "zigzag_angle_deg" not in idle
 
 
+def further(copy: Copy) -> list[str]:
+    """The table of responses and figures in the documents."""
+    text = "import declarations, json; print(json.dumps([*declarations.further()]))"
+    rows: list[str] = json.loads(with_documents(copy, text))
+    return rows
+
+
 def test_a_response(copy: Copy) -> None:
     done(copy, "Add a response")
+    (row,) = [one for one in further(copy) if "settled_s" in one]
+    assert row == "* - `settled_s`\n  - a response\n  - time until the error stays below 1 m"
     table = pd.read_parquet(copy.folder / "studies" / "mine" / "runs.parquet")
     (column,) = [c for c in table if c.endswith(".settled_s")]
     assert 0.0 <= table[column][0] <= 20.0
@@ -163,6 +180,8 @@ def test_a_response(copy: Copy) -> None:
 
 def test_a_figure(copy: Copy) -> None:
     done(copy, "Add a figure")
+    (row,) = [one for one in further(copy) if "depth" in one]
+    assert row == "* - `depth`\n  - a figure of a run\n  - True depth of the target"
     names = {p.name for p in (copy.folder / "runs" / "figure").iterdir()}
     assert {"depth.svg", "depth.png", "errors.svg"} <= names
 
@@ -200,10 +219,7 @@ def test_a_column_of_the_table_of_errors(copy: Copy) -> None:
     assert part["properties"]["median_m"]["description"] == "Median; for total, of the length"
     assert "median_m" in part["required"]
 
-    (copy.folder / "show.py").write_text(SHOW, "utf-8")
-    extensions = ROOT / "docs" / "extensions"
-    path = f'PYTHONPATH="$PYTHONPATH{os.pathsep}{extensions}"'
-    shown = json.loads(copy.run(f"{path} '{sys.executable}' show.py"))
+    shown = json.loads(with_documents(copy, SHOW))
     assert shown["frame"] == table["median_m"].to_list()
     assert "<th>median_m</th>" in shown["html"]
     assert f" {total:.3f}" in shown["text"]
@@ -214,6 +230,8 @@ def test_a_column_of_the_table_of_errors(copy: Copy) -> None:
 def test_a_command(copy: Copy) -> None:
     assert done(copy, "Add a command") == "4 beacons\n"
     assert "how many beacons" in copy.run("sblcosim --help")
+    pages = with_documents(copy, "import declarations; print(*declarations.command_pages())")
+    assert "## beacons" in pages
 
 
 def test_a_grade(copy: Copy) -> None:
@@ -246,7 +264,23 @@ def said(key, value, near):
         "completion": [word for word, _ in completion.keys(key + "=")],
     }
 
-print(json.dumps([said(*one) for one in json.loads(sys.argv[1])]))
+def own(key):
+    table, _, name = key.partition(".")
+    try:
+        load("harbour-square", {key[:-3] + key[-2:]: 1.0})
+        message = ""
+    except ConfigurationError as error:
+        message = str(error)
+    return {
+        "schema": name in scenario_schema()["properties"][table]["properties"],
+        "reference": f"{{scenario-key}} {key}\\n" in "\\n".join(declarations.entries(table)),
+        "starter": f"# {name} = " in starter("mine"),
+        "message": f"did you mean '{name}'" in message or f"did you mean '{key}'" in message,
+        "completion": key + "=" in [word for word, _ in completion.keys(key)],
+    }
+
+values, keys = json.loads(sys.argv[1])
+print(json.dumps([[said(*one) for one in values], [own(key) for key in keys]]))
 """
 KNOWN = {
     "Add a receiver": ("receiver.type", "direct", "dirct"),
@@ -257,27 +291,23 @@ KNOWN = {
     "Add a key that sets others": ("target.depth_grade", "needle", "nedle"),
 }
 """Recipes that add a value of a key: the key, the value, and one that is nearly it."""
-
-
-def with_documents(copy: Copy, text: str, *arguments: str) -> str:
-    """What a program prints that also imports the extensions of the documents."""
-    (copy.folder / "asked.py").write_text(text, "utf-8")
-    path = f'PYTHONPATH="$PYTHONPATH{os.pathsep}{ROOT / "docs" / "extensions"}"'
-    given = " ".join(map(shlex.quote, arguments))
-    return copy.run(f"{path} '{sys.executable}' asked.py {given}")
+NEW_KEYS = ("acoustics.bubble_excess_m", "target.zigzag_angle_deg", "target.depth_grade")
 
 
 @pytest.fixture(scope="module")
 def all_of_them(tmp_path_factory: pytest.TempPathFactory) -> Copy:
     """A copy with all that adds a value of a key, and a system to begin with: one build of FMUs."""
     made = Copy(tmp_path_factory.mktemp("all"))
-    for title in (*KNOWN, "Add a system to begin with"):
+    for title in (*KNOWN, "Add an error of the ranges", "Add a system to begin with"):
         made.follow(recipe(title))
     return made
 
 
 def test_a_value_of_a_key_is_known_wherever_keys_are(all_of_them: Copy) -> None:
-    answers = json.loads(with_documents(all_of_them, SAID, json.dumps([*KNOWN.values()])))
+    asked = json.dumps([[*KNOWN.values()], NEW_KEYS])
+    answers, of_keys = json.loads(with_documents(all_of_them, SAID, asked))
+    for key, facts in zip(NEW_KEYS, of_keys, strict=True):
+        assert all(facts.values()), (key, facts)
     for (key, value, _), said in zip(KNOWN.values(), answers, strict=True):
         name = key.partition(".")[2]
         assert value in said["schema"]
