@@ -24,7 +24,7 @@ from .results.result import Result
 from .scenario.files import naming_files
 from .scenario.overrides import Changes
 from .scenario.scenario import Receivers, Scenario, Source, load
-from .simulation.children.process import foreign, patience, strangers
+from .simulation.children.process import foreign, patient, strangers
 from .simulation.execution import execute, needs_python, survive
 from .simulation.how import How
 from .simulation.plans.plan import Plan
@@ -32,6 +32,7 @@ from .simulation.plans.plan import Plan
 
 @interruptible
 @naming_files
+@patient
 def run(
     scenario: str | Path | Mapping[str, Any] | Scenario,
     receiver: Receivers = (),
@@ -96,10 +97,10 @@ def run(
     how = How(master, step_timeout, progress=progress)
     if is_package(scenario):
         _refuse_choices(receiver=receiver, overrides=overrides, fmi=fmi, components=components)
-        with patience(step_timeout), packages.opened(cast(str | Path, scenario)) as package:
+        with packages.opened(cast(str | Path, scenario)) as package:
             return _carried_out(of_package(package), how, before, package.said)
     settled = load(scenario, overrides)
-    with patience(step_timeout), unchanged.assumed():
+    with unchanged.assumed():
         prepared = of_scenario(settled, receiver, fmi, components)
     return _carried_out(prepared, how, before)
 

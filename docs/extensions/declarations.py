@@ -3,7 +3,8 @@
 ``{scenario-keys} TABLE`` lists the keys of a table of a scenario file, from the declarations of the
 components and the schema; ``{commands}`` all commands of ``sblcosim`` with their options;
 ``{json-documents}`` what they print with ``--json``; ``{columns} NAME`` the columns of a
-table, from their declaration, such as `sblcosim.judge.columns.ERRORS`.
+table, from their declaration, such as `sblcosim.judge.columns.ERRORS`; ``{likes}`` the systems that
+a scenario may begin like; ``{more}`` the responses and the figures of a run that are a file each.
 """
 
 from __future__ import annotations
@@ -20,7 +21,9 @@ from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.declaration import INT32_MAX, UNITS, Component, Condition, Variable
 from sblcosim.models.settings.assumptions import SOURCES
 from sblcosim.models.settings.keys import default, in_file_units
-from sblcosim.scenario.scenario import Scenario
+from sblcosim.results import more
+from sblcosim.scenario.likes import LIKES
+from sblcosim.scenario.scenario import Scenario, load
 from sblcosim.scenario.schema import (
     COMMON,
     CORE_COMPONENTS,
@@ -64,6 +67,20 @@ class Columns(SphinxDirective):
 
     def run(self) -> list[nodes.Node]:
         return self.parse_text_to_nodes("\n".join(columns(self.arguments[0])))
+
+
+class More(SphinxDirective):
+    """The responses and figures that are a file each."""
+
+    def run(self) -> list[nodes.Node]:
+        return self.parse_text_to_nodes("\n".join(further()))
+
+
+class Likes(SphinxDirective):
+    """The systems that a scenario may begin like."""
+
+    def run(self) -> list[nodes.Node]:
+        return self.parse_text_to_nodes("\n".join(likes()))
 
 
 # --- Keys of scenario files ----------------------------------------------------------------------
@@ -326,9 +343,40 @@ def columns(name: str) -> Iterator[str]:
     yield ":::"
 
 
+# --- Systems to begin with -----------------------------------------------------------------------
+
+
+def likes() -> Iterator[str]:
+    """Markdown of the systems that a scenario may begin like."""
+    yield from (":::{list-table}", ":header-rows: 1", ":widths: 3 9 3")
+    yield "* - `--like`\n  - what it is\n  - receiver"
+    for name, it in LIKES.items():
+        shipped = f" (`{it.source}`)" if isinstance(it.source, str) else ""
+        receiver = load(it.source).receiver.type
+        yield f"* - `{name}`\n  - {_plain(it.about)}{shipped}\n  - `{receiver}`"
+    yield ":::"
+
+
 def _plain(text: str) -> str:
     """A help text as Markdown that shows it as it is."""
     return re.sub(r"([<*_`])", r"\\\1", text.replace("\b", ""))
+
+
+# --- Responses and figures that are a file each --------------------------------------------------
+
+
+def further() -> Iterator[str]:
+    """Markdown of the responses and figures in ``results/more``."""
+    rows = [(name, "a response", words) for name, words, _ in more.rows("RESPONSES")]
+    rows += [
+        (it.name, "a figure of a run", str(it.plot.__doc__).partition("\n")[0])
+        for it in more.rows("FIGURES")
+    ]
+    yield from (":::{list-table}", ":header-rows: 1", ":widths: 4 5 9")
+    yield "* - name\n  - what it is\n  - what it says"
+    for name, of, words in rows:
+        yield f"* - `{name}`\n  - {of}\n  - {_plain(words).rstrip('.')}"
+    yield ":::"
 
 
 # --- Sphinx --------------------------------------------------------------------------------------
@@ -342,4 +390,6 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.add_object_type("json-part", "part", "pair: %s; JSON", objname="part of JSON")
     app.add_directive("json-documents", JsonDocuments)
     app.add_directive("columns", Columns)
+    app.add_directive("likes", Likes)
+    app.add_directive("more", More)
     return {"parallel_read_safe": True}

@@ -22,6 +22,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from ..preset import Preset
+
 GRADES: Mapping[str, float] = {"crystal": 1e-5, "tcxo": 5e-7, "ocxo": 1e-8, "csac": 4e-10}
 """Standard deviation of the drift over many clocks [s/s]."""
 
@@ -37,3 +39,8 @@ def grade(name: str) -> Mapping[str, float]:
         The name is not a key of `GRADES`.
     """
     return {"clock_drift": 0.0, "clock_drift_std": GRADES[name]}
+
+
+PRESET = Preset(
+    "clock_grade", "acoustics", "Sets keys of the receiver's clock not given: {}", grade, GRADES
+)

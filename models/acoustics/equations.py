@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from math import prod
 from typing import Any
 
 import casadi as ca
 
-from ..declaration import number_of
 from ..equations import Draw, Equations, Loop, Symbols, Values
 from ..geometry import rotation
+from .contents import CONTENTS, Content
 from .range_errors import FOUND
-from .variables import COMPONENT, PACKET_CONTENT, SCHEDULE
+from .schedules import SCHEDULES
+from .variables import COMPONENT
 
 _UNIFORMS = 2.0**53
 """Number of values of a uniform draw."""
-
-_SIMULTANEOUS = number_of(SCHEDULE, "simultaneous")
-_EVERYTHING = number_of(PACKET_CONTENT, "everything")
-_OWN_BEACON = number_of(PACKET_CONTENT, "own_beacon")
-_POSE = number_of(PACKET_CONTENT, "pose")
 
 
 def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
@@ -82,12 +80,29 @@ _DRAWS_OF_OTHERS = tuple(
 
 
 def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Values:
-    turn = (k - 1) - p.beacons * ca.floor((k - 1) / p.beacons)
-    others = (p.schedule == _SIMULTANEOUS) * (p.beacons - 1)
+    turn = _counted_round(p, k - 1)
+    for it in SCHEDULES.values():
+        if it.first is not None:
+            own = _counted_round(p, it.first(k - 1))
+            turn = ca.if_else(p.schedule == it.number, own, turn)
+    others = sum(
+        (p.schedule == it.number) * (it.together(p.beacons) - 1)
+        for it in SCHEDULES.values() if it.together(p.beacons) > 1
+    )
+    partial = prod(p.packet_content != it.number for it in CONTENTS.values() if it.is_everything)
     return {
         **_ping(p, x, u, w, t, turn), "turn": turn, "waiting": others,
-        "unwritten": (p.packet_content != _EVERYTHING) + _is_rounded(p) > 0,
+        "unwritten": partial + _is_rounded(p) > 0,
     }
+
+
+def _counted_round(p: Symbols, place: Any) -> Any:
+    return place - p.beacons * ca.floor(place / p.beacons)
+
+
+def _says(p: Symbols, what: Callable[[Content], bool]) -> Any:
+    """1 where the content of a packet is such a one, else 0."""
+    return sum(p.packet_content == it.number for it in CONTENTS.values() if what(it))
 
 
 def _other(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
@@ -155,10 +170,10 @@ def _written(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     position = _rounded(u.reported_position, p.packet_resolution)
     attitude = _rounded(u.reported_attitude, p.packet_angle_resolution)
     beacons = ca.if_else(
-        (p.packet_content == _POSE) * _is_rounded(p), _placed(u, position, attitude),
+        _says(p, lambda it: it.beacons == "none") * _is_rounded(p), _placed(u, position, attitude),
         _rounded(u.reported_beacon_position, p.packet_resolution),
     )
-    has_pose = (p.packet_content == _EVERYTHING) + (p.packet_content == _POSE) > 0
+    has_pose = _says(p, lambda it: it.pose) > 0
 
     def of_new(row: Any, old: Any) -> Any:
         return ca.vertcat(*(
@@ -171,7 +186,7 @@ def _written(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
         "unwritten": 0,
         "ping_beacon_position": own,
         "packet_beacon_position": ca.if_else(
-            p.packet_content == _OWN_BEACON, own,
+            _says(p, lambda it: it.beacons == "own"), own,
             ca.if_else(sum(new) > 0, beacons, x.packet_beacon_position),
         ),
         "ping_platform_position": of_new(

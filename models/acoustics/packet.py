@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from math import ceil, log2
 
+from .contents import CONTENTS
+
 HORIZONTAL_SPAN, VERTICAL_SPAN = 81.92, 1.28
 """Length of the intervals of the coordinates, about points that both sides know [m]."""
 TURN, TILT_SPAN = 360.0, 32.0
@@ -30,8 +32,7 @@ def fields(
     beacons
         Number of beacons of the platform.
     """
-    places = {"own_beacon": 1, "all_beacons": beacons, "pose": 1, "everything": beacons + 1}
-    n = places[content]
+    n = CONTENTS[content].places(beacons)
     angles = has_angles(content)
     return {
         "slot": SLOT,
@@ -54,7 +55,7 @@ def packet_bits(
 
 def has_angles(content: str) -> bool:
     """Whether such a packet has a heading, roll and pitch."""
-    return content in ("pose", "everything")
+    return CONTENTS[content].pose
 
 
 def finest(

@@ -8,6 +8,7 @@ from typing import Any
 
 from ..declaration import Variable
 from ..draws import Draw
+from ..numbered import in_order
 from ..symbols import Symbols
 
 
@@ -53,14 +54,5 @@ class RangeError:
 
 
 def numbered(errors: Mapping[str, RangeError]) -> Mapping[str, RangeError]:
-    """Errors in the order of their numbers.
-
-    Raises
-    ------
-    ValueError
-        Two have the same number.
-    """
-    numbers = [error.number for error in errors.values()]
-    if len({*numbers}) < len(numbers):
-        raise ValueError(f"range errors: each must have a number of its own, got {sorted(numbers)}")
-    return dict(sorted(errors.items(), key=lambda item: item[1].number))
+    """Range errors in the order of their numbers, as `in_order` says."""
+    return in_order("range errors", errors)

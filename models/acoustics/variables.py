@@ -17,6 +17,7 @@ from ..declaration import (
     switch,
     tick_interval,
 )
+from ..numbered import alternatives
 from ..ports import (
     BEACON_POSITIONS,
     BEACONS,
@@ -28,10 +29,9 @@ from ..ports import (
     ports,
     terminal,
 )
+from .contents import CONTENTS, PACKET_CONTENT, POSED
 from .range_errors import FOUND
-
-SCHEDULE = {1: "round_robin", 2: "simultaneous"}
-PACKET_CONTENT = {1: "everything", 2: "own_beacon", 3: "all_beacons", 4: "pose"}
+from .schedules import ORDERED, SCHEDULE, SCHEDULES
 
 _CLOCK = ("clock_offset_std", "clock_drift_std")
 
@@ -55,10 +55,11 @@ COMPONENT = Component(
     variables=(
         tick_interval("sampling_time", "Time between pings: the slot of the round robin"),
         *noise_keys(*_random()),
-        choice("schedule", "Whether one beacon pings in each slot, or all", SCHEDULE, 1),
+        choice("schedule", f"Whether {alternatives(it.words for it in SCHEDULES.values())}",
+               SCHEDULE, 1),
         parameter("slot_order", "Beacon that pings in each slot of a round", shape=(BEACONS,),
                   type="Int32", start=_in_turn, min=1, max=BEACONS.most,
-                  needs=((is_one_of("schedule", SCHEDULE, "round_robin"),),)),
+                  needs=((is_one_of("schedule", SCHEDULE, *ORDERED),),)),
         parameter("sound_speed", "True speed of sound", "m/s", start=1500.0, min=1.0, max=10000.0),
         parameter("assumed_sound_speed", "Speed of sound with which the receiver forms ranges",
                   "m/s", start=1500.0, min=1.0, max=10000.0),
@@ -80,14 +81,13 @@ COMPONENT = Component(
                   min=0.0, max=1.0),
         parameter("processing_delay_correction", "What the receiver subtracts for it", "s",
                   min=0.0, max=1.0),
-        choice("packet_content", "What a packet says of where the platform is: its pose and the "
-               "positions of all beacons, that of its own beacon, those of all, or the pose",
-               PACKET_CONTENT, 1),
+        choice("packet_content", "What a packet says of where the platform is: "
+               + alternatives(it.words for it in CONTENTS.values()), PACKET_CONTENT, 1),
         parameter("packet_resolution", "Positions in a packet are multiples of this; 0: not "
                   "rounded", "m", min=0.0, max=1000.0),
         parameter("packet_angle_resolution", "Angles in a packet are multiples of this; 0: not "
                   "rounded", "rad", min=0.0, max=1.0,
-                  needs=((is_one_of("packet_content", PACKET_CONTENT, "everything", "pose"),),)),
+                  needs=((is_one_of("packet_content", PACKET_CONTENT, *POSED),),)),
         *(v for name, it in FOUND.items() if name not in ("noise", "outliers")
           for v in it.parameters),
         *ports(MOTION, "input", "target_"),

@@ -9,6 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import radians, sqrt
 
+from ..preset import Preset
+
 YAW_PERIOD = 20.0
 """Period of the swing about the mooring [s]; an assumption."""
 
@@ -78,3 +80,8 @@ def sea_state(beaufort: int) -> Mapping[str, float]:
         "yaw_frequency": 1.0 / YAW_PERIOD,
         "heave_frequency": 1.0 / level.period,
     }
+
+
+PRESET = Preset(
+    "beaufort", "platform", "Sea state, {}: sets the keys of waves not given", sea_state, LEVELS
+)

@@ -22,6 +22,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import log, sqrt
 
+from ..preset import Preset
+
 _RADIAL_95 = sqrt(-2.0 * log(0.05))
 """95 % of the length of a vector of two unit normals."""
 _NORMAL_95 = 1.959964
@@ -78,3 +80,6 @@ def grade(name: str) -> Mapping[str, float]:
         for part, share in shares.items() for axis, std in axes.items()
     }
     return errors | {"gps_correlation_time": chosen.correlation_time}
+
+
+PRESET = Preset("gps_grade", "platform", "Sets keys of the GPS not given: {}", grade, GRADES)

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import radians
 
+from ..preset import Preset
+
 
 @dataclass(frozen=True, slots=True)
 class Grade:
@@ -52,3 +54,6 @@ def grade(name: str) -> Mapping[str, float]:
     """
     chosen = GRADES[name]
     return {"imu_tilt_bias": chosen.tilt_bias, "imu_heading_drift": chosen.heading_drift}
+
+
+PRESET = Preset("imu_grade", "platform", "Sets keys of the IMU not given: {}", grade, GRADES)

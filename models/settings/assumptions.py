@@ -9,6 +9,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from ..acoustics.contents import PLACED
+from ..acoustics.schedules import SCHEDULES
 from .beacons import beacons_of
 from .either import both, degrees, greatest, hypot, ratio, sqrt, symbolic, where
 from .keys import OF_RECEIVERS, start_of, within
@@ -201,7 +203,8 @@ def mounting_noise(platform: Any, acoustics: Any) -> Any:
         return 0.0
     fixed = platform.mounting_error_m or (0.0,)
     square = platform.mounting_std_m**2 + sum(v * v for v in fixed) / len(fixed)
-    slots = len(beacons_of(platform)) // 3 if acoustics.schedule == "round_robin" else 1
+    beacons = len(beacons_of(platform)) // 3
+    slots = beacons / SCHEDULES[acoustics.schedule].together(beacons)
     pings = 2 * _MOUNTING_MEMORY / (slots * acoustics.sampling_time_s)
     return sqrt(square * greatest(pings, 1.0))
 
@@ -209,7 +212,7 @@ def mounting_noise(platform: Any, acoustics: Any) -> Any:
 def rounding(platform: Any, acoustics: Any, source: str) -> tuple[Any, Any, Any]:
     """What rounding adds to a pose: of positions [m], heading and tilt [degrees]; as noise."""
     step = acoustics.packet_resolution_m / _ROOT_12
-    if acoustics.packet_content == "pose" or source != "beacon_positions":
+    if acoustics.packet_content in PLACED or source != "beacon_positions":
         angle = acoustics.packet_angle_resolution_deg / _ROOT_12
         return step, angle, angle
     # The pose is fitted to the beacons, each of them rounded by itself.

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
+from ..acoustics.contents import CONTENTS
 from ..acoustics.packet import finest
 
 DEFAULT = "everything"
 """What packets say where nothing is said of it."""
 KEYS = ("packet_resolution_m", "packet_angle_resolution_deg")
 """Keys of ``[acoustics]`` that round what a packet says."""
-_POSE_SOURCES = {
-    "everything": "reported_pose", "all_beacons": "beacon_positions", "pose": "reported_pose",
-    "own_beacon": "own_beacon",
-}
 
 
 def pose_source(content: str) -> str:
     """What a receiver uses of such packets, as the key ``pose_source``."""
-    return _POSE_SOURCES[content]
+    return CONTENTS[content].pose_source
 
 
 def resolutions(

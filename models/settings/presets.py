@@ -5,24 +5,22 @@ Their numbers, and where these are from, stand beside the equations that they ar
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
+from importlib import import_module
 from typing import Any
 
 from .. import COMPONENTS
-from ..acoustics import clock
-from ..platform import beaufort, gps, imu
+from ..preset import Preset
 from .keys import in_file_units
 
-_PRESETS: Mapping[str, tuple[str, Callable[[Any], Mapping[str, float]], Collection[Any]]] = {
-    "beaufort": ("platform", beaufort.sea_state, beaufort.LEVELS),
-    "imu_grade": ("platform", imu.grade, imu.GRADES),
-    "gps_grade": ("platform", gps.grade, gps.GRADES),
-    "clock_grade": ("acoustics", clock.grade, clock.GRADES),
-}
-"""The table of each preset, its parameters in SI units for a value, and all values."""
-PRESET_TABLES: Mapping[str, str] = {name: table for name, (table, _, _) in _PRESETS.items()}
+MODULES = ("platform.beaufort", "platform.imu", "platform.gps", "acoustics.clock")
+"""Modules of the models that declare one, in the order of the keys."""
+_FOUND: Sequence[Preset] = [import_module(f"sblcosim.models.{it}").PRESET for it in MODULES]
+DECLARED: Mapping[str, Preset] = {it.name: it for it in _FOUND}
+"""By the names of their keys."""
+PRESET_TABLES: Mapping[str, str] = {name: it.table for name, it in DECLARED.items()}
 """Keys that set other keys of the same table, and that table."""
-PRESET_VALUES: Mapping[str, Collection[Any]] = {name: all_ for name, (*_, all_) in _PRESETS.items()}
+PRESET_VALUES: Mapping[str, Collection[Any]] = {name: it.values for name, it in DECLARED.items()}
 """Keys that set other keys, and all values that they may have."""
 
 
@@ -34,9 +32,9 @@ def preset(name: str, value: Any) -> dict[str, Any]:
     KeyError
         There is no such preset, or it has no such value.
     """
-    table, values, _ = _PRESETS[name]
-    known = COMPONENTS[table]
-    return {known[k].key: in_file_units(known[k], v) for k, v in values(value).items()}
+    it = DECLARED[name]
+    known = COMPONENTS[it.table]
+    return {known[k].key: in_file_units(known[k], v) for k, v in it.parameters(value).items()}
 
 
 PRESETS: Mapping[str, frozenset[str]] = {

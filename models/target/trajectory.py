@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from ..declaration import Variable
 from ..draws import Draw
+from ..numbered import in_order
 from ..symbols import Symbols
 
 if TYPE_CHECKING:
@@ -68,20 +69,5 @@ class Trajectory:
 
 
 def numbered(trajectories: Mapping[str, Trajectory]) -> Mapping[str, Trajectory]:
-    """Trajectories in the order of their numbers.
-
-    Raises
-    ------
-    ValueError
-        Two have the same number.
-    """
-    ordered = dict(sorted(trajectories.items(), key=lambda item: item[1].number))
-    first: dict[int, str] = {}
-    for name, trajectory in ordered.items():
-        other = first.setdefault(trajectory.number, name)
-        if other != name:
-            raise ValueError(
-                f"trajectories: each must have a number of its own, got {trajectory.number} for "
-                f"{other} and {name}"
-            )
-    return ordered
+    """Trajectories in the order of their numbers, as `in_order` says."""
+    return in_order("trajectories", trajectories)

@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from sblcosim.models.acoustics.contents import CONTENTS
+from sblcosim.models.acoustics.schedules import SCHEDULES
 from sblcosim.models.declaration import Component
 from sblcosim.models.receiver.receivers.coupled import COMPONENT as COUPLED
 from sblcosim.models.receiver.receivers.long_baseline import COMPONENT as LONG_BASELINE
@@ -70,7 +72,7 @@ def own_beacon(scenario: Scenario) -> bool:
     """Whether a packet tells the receiver where its own beacon is, and nothing else."""
     coupled = scenario.receiver.type == "coupled"
     return bool(
-        scenario.acoustics.packet_content == "own_beacon"
+        CONTENTS[scenario.acoustics.packet_content].only_own
         or (coupled and scenario.receiver.pose_source == "own_beacon")
     )
 
@@ -103,5 +105,5 @@ def conditions(scenario: Scenario, acceleration_psd: float | None = None) -> Con
         common_std=float(np.hypot(p.gps_markov_std, p.gps_bias_std)),
         heading_std=p.imu_heading_error_std,
         heading_noise_std=p.imu_heading_std,
-        at_once=scenario.acoustics.schedule == "simultaneous",
+        together=SCHEDULES[scenario.acoustics.schedule].together(len(beacons)),
     )

@@ -16,6 +16,7 @@ from math import ceil, cos, sin
 import numpy as np
 from numpy.typing import NDArray
 from sblcosim.fmus import stopping
+from sblcosim.models.acoustics.schedules import SCHEDULES
 
 from ..scenario.scenario import Scenario
 from . import recursion
@@ -124,13 +125,13 @@ def epochs_of(scenario: Scenario, model: ReceiverModel, duration_s: float) -> Ep
     a, count = scenario.acoustics, scenario.beacons
     total = max(ceil(duration_s / a.sampling_time_s - 1e-9) - 1, 1)  # the end is not sampled
     there = 1 - a.loss_probability
-    if a.schedule == "simultaneous":
-        heard = np.full((total, count), there)
-        packets = np.full(total, 1 - a.loss_probability**count)
-    else:
-        order = np.array(a.slot_order) - 1
-        heard = there * np.eye(count)[order[np.arange(total) % count]]
-        packets = np.full(total, there)
+    schedule = SCHEDULES[a.schedule]
+    at_once = schedule.together(count)
+    first = schedule.place(np.arange(total))
+    order = np.array(a.slot_order) - 1
+    pinging = order[(first[:, None] + np.arange(at_once)) % count]
+    heard = there * np.eye(count)[pinging].sum(1)
+    packets = np.full(total, 1 - a.loss_probability**at_once)
     together = -(-total // MOST_STEPS)
     firsts = np.arange(0, total, together)
     slots = np.diff(firsts, append=total)

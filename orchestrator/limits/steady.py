@@ -33,8 +33,8 @@ class Conditions:
         ½ Σ|b − b̄|² of the horizontal arms [m²]; 2 b² for a cross with arms of length b.
     beacons
         Their number N.
-    at_once
-        Whether all ping in the same slot.
+    together
+        How many of them ping in the same slot.
     slot
         T, time between packets and between depth readings [s].
     loss
@@ -57,12 +57,12 @@ class Conditions:
     common_std: float = 0.0
     heading_std: float = 0.0
     heading_noise_std: float = 0.0
-    at_once: bool = False
+    together: int = 1
 
     @property
-    def slots(self) -> int:
+    def slots(self) -> float:
         """In a round."""
-        return 1 if self.at_once else self.beacons
+        return self.beacons / self.together
 
     @property
     def round(self) -> float:

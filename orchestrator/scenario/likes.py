@@ -6,7 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from sblcosim.models.platform import beaufort, gps
+
 from ..errors import ConfigurationError, nearest
+from ..words.lists import listed
 
 
 @dataclass(frozen=True)
@@ -42,13 +45,14 @@ class Like:
     questions: tuple[KnownNumber, ...]
 
 
+_ARM = KnownNumber("platform.arm_length_m", "Length of its arms [m]")
 _BEACONS = "Where the {} are: forward, right and down of {} [m], as [[x, y, z], ...]"
 _PING = KnownNumber("time.sampling_time_s", "Time from ping to ping [s]")
 _SPEED = KnownNumber("target.speed_m_s", "How fast the diver swims [m/s]")
-_GPS = KnownNumber(
-    "platform.gps_grade", "The GPS: standalone, sbas, differential, rtk_float or rtk_fixed"
+_GPS = KnownNumber("platform.gps_grade", f"The GPS: {listed([*gps.GRADES], 'or')}")
+_SEA = KnownNumber(
+    "platform.beaufort", f"The sea [Beaufort, {min(beaufort.LEVELS)} to {max(beaufort.LEVELS)}]"
 )
-_SEA = KnownNumber("platform.beaufort", "The sea [Beaufort, 0 to 6]")
 _BOAT: Mapping[str, Any] = {
     "title": "Four receivers off a boat",
     "time": {"sampling_time_s": 0.5},
@@ -95,8 +99,7 @@ LIKES: Mapping[str, Like] = {
     "paper": Like(
         "the paper's floating cross of four beacons",
         "paper-scenario-1",
-        (KnownNumber("platform.arm_length_m", "Length of its arms [m]"),
-         KnownNumber("platform.gps_horizontal_std_m", "White error of its GPS, per axis [m]"),
+        (_ARM, KnownNumber("platform.gps_horizontal_std_m", "White error of its GPS, per axis [m]"),
          _PING, _SPEED),
     ),
 }

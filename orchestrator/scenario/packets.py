@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from sblcosim.models.acoustics.contents import CONTENTS, PLACED
 from sblcosim.models.acoustics.packet import finest, has_angles, least_bits
 from sblcosim.models.settings import packets
 from sblcosim.models.settings.packets import DEFAULT, KEYS
@@ -25,13 +26,15 @@ def problems(platform: Any, acoustics: Any, receiver: Any, beacons: int) -> Iter
         yield "[acoustics] packet_bits: must be left out if there is another fmu"
     elif acoustics.packet_bits:
         yield from _too_long(acoustics, beacons)
-    if acoustics.fmu is None and content == "pose" and not platform.gps_shared:
+    if acoustics.fmu is not None:
+        return
+    if content in PLACED and not platform.gps_shared:
         yield (
             "[acoustics] packet_content: must have positions of beacons, as gps_shared of "
-            "[platform] is false, got 'pose'"
+            f"[platform] is false, got {content!r}"
         )
     if (
-        acoustics.fmu is None and content == "own_beacon"
+        CONTENTS[content].only_own
         and "pose_source" in receiver.model_fields_set and receiver.pose_source != "own_beacon"
     ):
         yield (

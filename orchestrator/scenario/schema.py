@@ -29,7 +29,7 @@ from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.declaration import Variable
 from sblcosim.models.ports import BEACONS
 from sblcosim.models.settings.keys import OF_RECEIVERS, in_file_units, is_list
-from sblcosim.models.settings.presets import PRESET_VALUES
+from sblcosim.models.settings.presets import DECLARED
 
 from ..shown import public
 from .arrays import counts_of, flat, json_schema, most
@@ -43,7 +43,6 @@ TRUE: Final = "true"
 SHARED_PARAMETERS = ("sampling_time", "update_interval", "seed", "range_std", "depth_std")
 """Parameters that a third-party component always gets, if it has them."""
 PRIOR_KEYS = ("prior_position_m", "prior_velocity_m_s")
-_SEAS = PRESET_VALUES["beaufort"]
 _TICKS = frozenset(c.interval for c in COMPONENTS.values())
 
 
@@ -156,11 +155,18 @@ def table_class(name: str, variables: Iterable[Variable], extra: Mapping[str, An
     return table
 
 
-def _grade(sensor: str, key: str) -> tuple[Any, Any]:
-    """A key that selects the grade of a sensor."""
-    names = tuple(PRESET_VALUES[key])
-    text = f"Sets keys of {sensor} not given: {', '.join(names)}"
-    return Literal[names] | None, Field(None, description=text)
+def _presets(table: str) -> dict[str, Any]:
+    """The keys of a table that set others."""
+    keys: dict[str, Any] = {}
+    for name, preset in DECLARED.items():
+        if preset.table != table:
+            continue
+        values = tuple(preset.values)
+        annotation: Any = Literal[values]
+        if isinstance(values[0], int):
+            annotation = Annotated[int, Field(ge=min(values), le=max(values))]
+        keys[name] = annotation | None, Field(None, description=preset.description)
+    return keys
 
 
 _Seconds = Annotated[float, Field(gt=0.0, allow_inf_nan=False), AfterValidator(settled)]
@@ -201,6 +207,7 @@ else:
         COMPONENTS["target"],
         {
             **COMMON,
+            **_presets("target"),
             "track_file": (
                 str | None,
                 Field(
@@ -220,12 +227,7 @@ else:
         COMPONENTS["platform"],
         {
             **COMMON,
-            "beaufort": (
-                Annotated[int, Field(ge=min(_SEAS), le=max(_SEAS))] | None,
-                Field(None, description="Sea state, 0 to 6: sets the keys of waves not given"),
-            ),
-            "imu_grade": _grade("the IMU", "imu_grade"),
-            "gps_grade": _grade("the GPS", "gps_grade"),
+            **_presets("platform"),
             "beacons": (
                 Annotated[int, Field(ge=BEACONS.least, le=BEACONS.most)] | None,
                 Field(None, description="Number of beacons; that of beacon_m if given"),
@@ -237,7 +239,7 @@ else:
         COMPONENTS["acoustics"],
         {
             **COMMON,
-            "clock_grade": _grade("the receiver's clock", "clock_grade"),
+            **_presets("acoustics"),
             "packet_bits": (
                 Annotated[int, Field(ge=0, le=1_000_000)] | None,
                 Field(None, description="Bits of a packet: sets the resolutions not given; 0: not "

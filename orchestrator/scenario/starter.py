@@ -10,7 +10,7 @@ from typing import Any
 from sblcosim.models import COMPONENTS
 from sblcosim.models.declaration import Variable
 from sblcosim.models.settings.keys import default, in_file_units
-from sblcosim.models.settings.presets import PRESETS
+from sblcosim.models.settings.presets import PRESET_VALUES, PRESETS
 
 from .arrays import most
 from .file_schema import DIRECTIVE, TITLES
@@ -141,5 +141,7 @@ def _example(key: str, annotation: Any, variable: Variable | None) -> Any:
     if variable is not None:
         component = next(c for c in COMPONENTS.values() if variable in c.variables)
         return default(component, variable)
+    if key in PRESET_VALUES:
+        return next(iter(PRESET_VALUES[key]))
     # For an optional choice, take its first name.
     return annotation.__args__[0].__args__[0]

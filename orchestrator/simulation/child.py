@@ -234,7 +234,7 @@ def main() -> None:
         if isinstance(task, Call | Execute) and not task.strangers:
             answer = replace(answer, spoilt=shared.changed())
         try:
-            send(answers, _packed(answer, telling.blamed()))
+            send(answers, _watched(answer, telling))
         except BaseException:  # the user's code has closed the stream, or taken what pickle needs
             os._exit(1)
         if isinstance(task, End):
@@ -335,6 +335,15 @@ def _text(of: object) -> str:
         return str(of)
     except BaseException:  # the user's code may do anything
         return f"{type(of).__name__}, which cannot be shown"
+
+
+def _watched(answer: TaskEnded, telling: _Telling) -> bytes:
+    """An answer pickled, which may call the user's code: as a call of it."""
+    blamed = telling.blamed()
+    if blamed is None:
+        return _packed(answer, None)
+    with telling.calling(blamed, "the packing of its answer"):
+        return _packed(answer, blamed)
 
 
 def _packed(answer: TaskEnded, blamed: str | None) -> bytes:

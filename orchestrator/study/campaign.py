@@ -190,8 +190,8 @@ def _uncollected() -> Iterator[None]:
 
 
 def _prepared(study: Definition, how: How) -> Campaign:
-    labels = tuple(label for label in choose(study.base, receivers_of(study)) if label != RAW)
     with patience(how.step_timeout), _warnings_once(len(study.points.values)), unchanged.assumed():
+        labels = tuple(label for label in choose(study.base, receivers_of(study)) if label != RAW)
         keys: Mapping[effects.Key, str] = dict.fromkeys(effects.given(study.base), "")
         points, plans, texts = [], [], _Texts()
         for number, values in enumerate(study.points.values, 1):

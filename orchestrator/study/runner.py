@@ -18,7 +18,7 @@ from sblcosim.fmus.stopping import interruptible
 from ..errors import resolved
 from ..scenario.files import naming_files
 from ..simulation.children.children import Children
-from ..simulation.children.process import foreign
+from ..simulation.children.process import foreign, patient
 from ..simulation.how import HOW, How
 from . import executors, parts
 from .batch import simulate, steps_of
@@ -53,6 +53,7 @@ KEPT_STEPS, KEPT_ALONE = 10_000_000, 4
 
 
 @interruptible
+@patient
 def run(
     study: Definition,
     out: str | Path,

@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 from sblcosim.errors import ConfigurationError
 from sblcosim.models import COMPONENTS, RECEIVERS
-from sblcosim.models.acoustics import clock
 from sblcosim.models.declaration import Variable
-from sblcosim.models.platform import gps, imu
 from sblcosim.models.settings.keys import in_file_units
+from sblcosim.models.settings.presets import PRESET_TABLES, PRESET_VALUES
 from sblcosim.scenario import effects
 from sblcosim.scenario.scenario import Scenario, load, shipped
 from sblcosim.scenario.schema import CORE_COMPONENTS
@@ -63,14 +62,10 @@ def changes(scenario: Scenario) -> Iterator[tuple[tuple[str, ...], Any]]:
     yield ("time", "sampling_time_s"), 2 * time.sampling_time_s
     yield ("time", "ekf_ratio"), time.ekf_ratio + 1
     yield ("time", "duration_s"), time.duration_s / 2
-    for level in (1, 5):
-        yield ("platform", "beaufort"), level
-    for table, key, grades in (
-        ("platform", "imu_grade", imu.GRADES), ("platform", "gps_grade", gps.GRADES),
-        ("acoustics", "clock_grade", clock.GRADES),
-    ):
-        for name in grades:
-            yield (table, key), name
+    for key, table in PRESET_TABLES.items():
+        for value in PRESET_VALUES[key]:
+            if not isinstance(value, int) or value in (1, 5):
+                yield (table, key), value
     for table, names in effects.components_of(scenario).items():
         for variable in [v for name in names for v in COMPONENTS[name].of("parameter")]:
             for value in values_of(variable, getattr(getattr(scenario, table), variable.key)):

@@ -163,10 +163,35 @@ def model(gps, seed):
     deed("model")
     return gps
 '''
+FOLDER = '''
+from sblcosim.models.receiver.receiver import ReceiverDeclaration
+from sblcosim.models.receiver.variables import receiver
+
+def deed(where):
+    if where != {place!r}:
+        return
+{deed}
+
+class Name(str):
+    def __repr__(self):
+        deed("declaration")
+        return super().__repr__()
+
+def equations():
+    deed("equations")
+
+deed("import")
+RECEIVER = ReceiverDeclaration(
+    receiver(Name("Mine"), 1000, "Mine", ()), purpose="tests", equations=equations
+)
+'''
+FOLDERS = {"folder": "import", "declaration": "declaration", "equations": "equations"}
+"""Places in a folder with a receiver that becomes an FMU."""
 EARLY, LATE = ("import", "constructor", "variables"), ("initialise", "do_step")
 CALLS = {
     "import": "its import", "constructor": "its constructor", "variables": "variables",
     "initialise": "initialise", "do_step": "do_step", "response": "its call", "model": "its call",
+    "folder": "its import", "declaration": "its declaration", "equations": "its equations",
 }  # fmt: skip
 NOTHING = "pass"
 LOOP = (
@@ -179,6 +204,11 @@ LOOP = (
 
 def written(folder: Path, place: str, deed: str, name: str = "mine.py") -> Path:
     lines = "\n".join(f"    {line}" for line in deed.splitlines())
+    if place in FOLDERS:
+        made, text = folder / "mine", FOLDER.format(place=FOLDERS[place], deed=lines)
+        made.mkdir()
+        (made / "receiver.py").write_text(text)
+        return made
     (folder / name).write_text(RECEIVER.format(place=place, deed=lines))
     return folder / name
 
@@ -224,7 +254,7 @@ def one_line(message: str) -> str:
 
 def asked(place: str, file: Path, out: Path, seconds: float | None = None) -> Any:
     """Let a file do at a place what it does there."""
-    if place in (*EARLY, *LATE):
+    if place in (*EARLY, *LATE, *FOLDERS):
         return sblcosim.run(SCENARIO, ["ekf", str(file)], SHORT, step_timeout=seconds)
     tables: dict[str, Any] = {"scenario": SCENARIO, "fixed": SHORT, "design": {"kind": "single"},
                               "receivers": ["ekf"], "responses": [f"{file}:response"]}  # fmt: skip
@@ -253,6 +283,7 @@ WHO = {
     "variables": "Mine: the Python component ", "initialise": "Mine: the Python component ",
     "do_step": "Mine: the Python component ", "response": "ekf.response: the response mine.py",
     "model": "model: the function mine.py:model ",
+    **dict.fromkeys(FOLDERS, "receiver: the Python file receiver.py "),
 }  # fmt: skip
 DEEDS = [*FATAL, *RAISED]
 PLACES = [*CALLS]
@@ -270,7 +301,8 @@ def checked(deed: str, place: str, tmp_path: Path, alone: sblcosim.Result) -> No
     else:
         assert words in message
         assert "must let its process go on" not in message
-        assert deed == "own_error" or "mine.py" in message or place == "response"
+        named = "receiver.py" if place in FOLDERS else "mine.py"
+        assert deed == "own_error" or named in message or place == "response"
 
 
 @pytest.mark.parametrize(("deed", "place"), SOME)

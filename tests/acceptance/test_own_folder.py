@@ -2,14 +2,25 @@
 
 from __future__ import annotations
 
+import inspect
+import json
 import re
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import sblcosim
+from sblcosim.comparison.many import run_many
 from sblcosim.errors import ConfigurationError
+from sblcosim.fmus.build import factory
+from sblcosim.fmus.host import watch
 from sblcosim.fmus.host.libraries import ours
 from sblcosim.fmus.read.archive import opened
 from sblcosim.fmus.read.ports import Fmu
@@ -17,6 +28,9 @@ from sblcosim.scenario.wiring import connect
 from sblcosim.simulation.masters import lanes
 from sblcosim.simulation.masters.python import execute
 from sblcosim.simulation.resolve import resolve
+from sblcosim.simulation.user import building
+from sblcosim.study import study
+from seams import Seam
 
 PAGE = Path(__file__).parents[2] / "docs" / "howto" / "receiver.md"
 (TEXT,) = re.findall(r"^```python damped/receiver.py\n(.*?)^```$", PAGE.read_text("utf-8"),
@@ -169,3 +183,89 @@ def test_a_folder_without_the_file_is_said_to_be_one(tmp_path: Path) -> None:
 def test_what_is_no_folder_is_no_receiver(text: str) -> None:
     with pytest.raises(ConfigurationError, match=r"receiver: must be ekf, sequential, .*, got '"):
         connect(sblcosim.load("harbour-square", SHORT), [text])
+
+
+HANG = (
+    "import os, tempfile\n"
+    "open(os.path.join(tempfile.gettempdir(), 'hangs'), 'w').close()\n"
+    "while True: pass\n"
+)
+"""It says so first: time counts from then on (`only_hangs_take_time`)."""
+WITH_A_LIMIT: dict[str, Callable[[str, Path], object]] = {
+    "run": lambda made, out: sblcosim.run("harbour-square", made, SHORT, step_timeout=0.5),
+    "compare": lambda made, out: sblcosim.compare(
+        "harbour-square", ["ekf", made], overrides=SHORT, runs=2, step_timeout=0.5),
+    "run_many": lambda made, out: run_many(
+        "harbour-square", made, SHORT, runs=2, step_timeout=0.5),
+    "study": lambda made, out: study.load({
+        "scenario": "harbour-square", "fixed": SHORT, "design": {"kind": "single"},
+        "receivers": [made],
+    }).run(out, step_timeout=0.5),
+}  # fmt: skip
+
+
+@pytest.mark.usefixtures("only_hangs_take_time")
+@pytest.mark.parametrize("function", WITH_A_LIMIT)
+def test_the_time_limit_holds_for_all_that_a_function_does(function: str, tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "receiver.py").write_text(HANG)
+    with pytest.raises(ConfigurationError, match=r"not returned from its import for 0\.5 s"):
+        WITH_A_LIMIT[function](str(tmp_path / "mine"), tmp_path / "out")
+
+
+def test_each_public_function_with_a_time_limit_is_tried() -> None:
+    limited = {
+        name for name in sblcosim.__all__
+        if inspect.isfunction(thing := getattr(sblcosim, name))
+        and "step_timeout" in inspect.signature(thing).parameters
+    }
+    assert limited <= WITH_A_LIMIT.keys()
+
+
+def test_what_it_prints_is_no_part_of_the_result(tmp_path: Path) -> None:
+    made = folder(tmp_path, (
+        "RECEIVER =", "print('{not json')\nimport os; os.write(1, b'raw\\n')\nRECEIVER ="))
+    done = subprocess.run(
+        [sys.executable, "-m", "sblcosim", "run", "harbour-square", "--json", "--no-figures",
+         "--set", "time.duration_s=8", "--receiver", str(made), "--out", str(tmp_path / "out")],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert set(json.loads(done.stdout)["errors"]) == {"damped", "raw"}
+    assert "{not json\nraw\n" in done.stderr
+
+
+class _Heard(watch.Watch):
+    def __init__(self) -> None:
+        self.calls: list[tuple[str, str]] = []
+        self.again = threading.Event()
+
+    @contextmanager
+    def calling(self, component: str, function: str) -> Iterator[None]:
+        if (component, function) in self.calls:
+            self.again.set()
+        self.calls.append((component, function))
+        yield
+
+
+def test_while_the_compiler_works_the_process_goes_on(tmp_path: Path, seam: Seam) -> None:
+    """The parent ends a process that says nothing for a minute; some builds take longer."""
+    heard, made = _Heard(), folder(tmp_path)
+
+    def compiled(file: str, of: str, make: Callable[[], Any], fmi: int) -> Path:
+        make()
+        assert heard.again.wait(60)
+        return tmp_path / file
+
+    seam.instead(factory.kept_fmu, compiled)
+    seam.instead(watch.watch, lambda: heard)
+    path = made / "receiver.py"
+    asked, where = ("mine", "", 4, 2), "receiver: 'mine'"
+    built, _ = building.receiver(path, path.read_bytes(), "", asked, where)
+    assert built[0] == tmp_path / "mine.fmu"
+    assert heard.calls[:3] == [
+        ("receiver", "its import"), ("receiver", "its declaration"), ("receiver", "its equations")]
+    assert {*heard.calls[3:]} == {("receiver", "its compilation")}
+    said = len(heard.calls)
+    time.sleep(1.2)
+    assert len(heard.calls) == said

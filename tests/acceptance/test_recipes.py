@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -114,6 +115,14 @@ def test_an_extension_is_one_file_and_at_most_one_line_elsewhere(title: str) -> 
     assert len(changes) - len(added) <= len(added)
 
 
+def with_documents(copy: Copy, text: str, *arguments: str) -> str:
+    """What a program prints that also imports the extensions of the documents."""
+    (copy.folder / "asked.py").write_text(text, "utf-8")
+    path = f'PYTHONPATH="$PYTHONPATH{os.pathsep}{ROOT / "docs" / "extensions"}"'
+    given = " ".join(map(shlex.quote, arguments))
+    return copy.run(f"{path} '{sys.executable}' asked.py {given}")
+
+
 SHORT = "sblcosim run harbour-square --no-figures --set time.duration_s=20"
 
 
@@ -153,8 +162,17 @@ def test_a_trajectory(copy: Copy) -> None:
     assert "zigzag_angle_deg" not in idle
 
 
+def further(copy: Copy) -> list[str]:
+    """The table of responses and figures in the documents."""
+    text = "import declarations, json; print(json.dumps([*declarations.further()]))"
+    rows: list[str] = json.loads(with_documents(copy, text))
+    return rows
+
+
 def test_a_response(copy: Copy) -> None:
     done(copy, "Add a response")
+    (row,) = [one for one in further(copy) if "settled_s" in one]
+    assert row == "* - `settled_s`\n  - a response\n  - time until the error stays below 1 m"
     table = pd.read_parquet(copy.folder / "studies" / "mine" / "runs.parquet")
     (column,) = [c for c in table if c.endswith(".settled_s")]
     assert 0.0 <= table[column][0] <= 20.0
@@ -162,6 +180,8 @@ def test_a_response(copy: Copy) -> None:
 
 def test_a_figure(copy: Copy) -> None:
     done(copy, "Add a figure")
+    (row,) = [one for one in further(copy) if "depth" in one]
+    assert row == "* - `depth`\n  - a figure of a run\n  - True depth of the target"
     names = {p.name for p in (copy.folder / "runs" / "figure").iterdir()}
     assert {"depth.svg", "depth.png", "errors.svg"} <= names
 
@@ -199,10 +219,7 @@ def test_a_column_of_the_table_of_errors(copy: Copy) -> None:
     assert part["properties"]["median_m"]["description"] == "Median; for total, of the length"
     assert "median_m" in part["required"]
 
-    (copy.folder / "show.py").write_text(SHOW, "utf-8")
-    extensions = ROOT / "docs" / "extensions"
-    path = f'PYTHONPATH="$PYTHONPATH{os.pathsep}{extensions}"'
-    shown = json.loads(copy.run(f"{path} '{sys.executable}' show.py"))
+    shown = json.loads(with_documents(copy, SHOW))
     assert shown["frame"] == table["median_m"].to_list()
     assert "<th>median_m</th>" in shown["html"]
     assert f" {total:.3f}" in shown["text"]
@@ -213,6 +230,8 @@ def test_a_column_of_the_table_of_errors(copy: Copy) -> None:
 def test_a_command(copy: Copy) -> None:
     assert done(copy, "Add a command") == "4 beacons\n"
     assert "how many beacons" in copy.run("sblcosim --help")
+    pages = with_documents(copy, "import declarations; print(*declarations.command_pages())")
+    assert "## beacons" in pages
 
 
 def test_a_grade(copy: Copy) -> None:

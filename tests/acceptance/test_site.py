@@ -20,6 +20,7 @@ from sblcosim import analysis, limits, study
 from sblcosim.cli import app
 from sblcosim.cli.documents.by_command import DOCUMENTS, schema
 from sblcosim.judge.columns import TABLES
+from sblcosim.results import more
 from sblcosim.results.responses import RESPONSES
 from sblcosim.scenario.scenario import Scenario, load
 from sblcosim.study.definition import Definition
@@ -295,7 +296,8 @@ def test_every_key_of_a_study_is_in_the_reference() -> None:
 def test_every_response_is_in_the_reference() -> None:
     text = (DOCS / "reference" / "results.md").read_text("utf-8")
     named = set(re.findall(r"`([\w{}…]+)`", text))
-    for response in RESPONSES:
+    made = [name for name, *_ in more.rows("RESPONSES")]  # of these the site makes a table
+    for response in RESPONSES.keys() - made:
         framed = re.sub(r"^(absolute|relative|own_relative)_", "{frame}_", response)
         axis = re.sub("_([xyz]|total)_", "_{axis}_", framed)
         length = re.sub("_(horizontal|total)_", "_{length}_", framed)

@@ -84,6 +84,7 @@ COMMANDS = {
     "run python": _run("--master", "python"),
     "run lanes": _run("--master", "lanes"),
     "run python receiver": _run("--receiver", "mine.py:Slow"),
+    "run a receiver's folder": _run("--receiver", "hanging"),
     "run runs": Command(
         ("run", "paper-scenario-1", "--runs", "200000", "--set", "time.duration_s=2000")
     ),
@@ -121,6 +122,8 @@ def place_of(folder: Path) -> Path:
     (folder / "endless.toml").write_text(STUDY)
     (folder / "alone.toml").write_text(ALONE)
     (folder / "mine.py").write_text(RECEIVER)
+    (folder / "hanging").mkdir()
+    (folder / "hanging" / "receiver.py").write_text("while True: pass")
     return folder
 
 
@@ -205,6 +208,7 @@ def long_run(folder: Path) -> None:
         ("study processes", signal.SIGTERM, True),
         ("study native", signal.SIGINT, False),
         ("study of a python receiver", signal.SIGTERM, True),
+        ("run a receiver's folder", signal.SIGINT, False),
         ("map, possible", signal.SIGTERM, False),
         ("budget", signal.SIGINT, True),
     ],

@@ -15,6 +15,7 @@ from ...errors import ConfigurationError
 from ...packages.read import is_package
 from ...scenario.files import naming_files
 from ...scenario.scenario import Receivers, Scenario, load
+from ...simulation.children.process import patient
 from ...study.kept import Kept
 from ..common.evaluation import receivers_in
 from ..tournament.result import RESPONSE
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
 @interruptible
 @naming_files
+@patient
 def run_many(
     scenario: str | Path | Mapping[str, Any] | Scenario,
     receiver: Receivers = (),

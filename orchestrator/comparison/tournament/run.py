@@ -27,7 +27,7 @@ from ...scenario.overrides import pairs
 from ...scenario.scenario import Receivers, Scenario
 from ...scenario.scenario import load as load_scenario
 from ...scenario.sources import known_source
-from ...simulation.children.process import patience
+from ...simulation.children.process import patient
 from ...simulation.how import How
 from ...study import runner
 from ...study.kept import Kept
@@ -50,6 +50,7 @@ _RATES = ("lost", "broken", "inconsistent")
 
 @interruptible
 @naming_files
+@patient
 def compare(
     scenarios: AnyScenario | Sequence[AnyScenario],
     receivers: Receivers = (),
@@ -116,8 +117,7 @@ def compare(
         "replicates": runs, "settling_time_s": settling_s, "seed": 1 if first is None else first,
         "responses": [PERCENTILE, *(() if asked in (None, PERCENTILE) else (asked,))],
     }  # fmt: skip
-    with patience(step_timeout):
-        studies = [study_of(scenario, receivers, keys, about) for scenario in several]
+    studies = [study_of(scenario, receivers, keys, about) for scenario in several]
     if not studies:
         raise ConfigurationError("scenarios: must be at least one, got none")
     names = [study.base.name for study in studies]

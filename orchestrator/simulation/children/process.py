@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import os
 import pickle
 import queue
@@ -15,7 +16,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextvars import ContextVar
 from dataclasses import replace
-from typing import IO, Any
+from typing import IO, Any, ParamSpec, TypeVar, cast
 
 import cloudpickle
 import numpy as np
@@ -44,6 +45,9 @@ from .messages import (
 )
 from .state import CALLING, LOOP, SIZE, State, receive, send
 from .watched import Watched, who
+
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
 
 STEP_TIMEOUT = 60.0
 """Default time limit for a call [s]."""
@@ -75,6 +79,17 @@ def patience(seconds: float | None) -> Iterator[None]:
         yield
     finally:
         PATIENCE.set(before)
+
+
+def patient(function: Callable[_P, _R]) -> Callable[_P, _R]:
+    """A function of the API with `PATIENCE` as its keyword ``step_timeout``, whatever it calls."""
+
+    @functools.wraps(function)
+    def limited(*arguments: _P.args, **options: _P.kwargs) -> _R:
+        with patience(cast(float | None, options.get("step_timeout"))):
+            return function(*arguments, **options)
+
+    return limited
 
 
 def check_patience(seconds: float | None) -> None:

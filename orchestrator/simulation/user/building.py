@@ -6,9 +6,11 @@ Its functions are called there, as those of `loading`, and their errors are what
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
+from threading import Event, Thread
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
@@ -29,6 +31,8 @@ if TYPE_CHECKING:
 
 NAME = "RECEIVER"
 """What the file declares its receiver as."""
+COMPILING_S = 600
+"""How long the compiler may take [s]."""
 _IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 Asked = tuple[str, str, int, Fmi]
 """Name of the FMU's file, what is said of it, number of beacons, and FMI version."""
@@ -46,23 +50,70 @@ def receiver(
     ConfigurationError
         The file cannot be run, or declares no receiver that can be built.
     """
-    with watch().calling(where.partition(":")[0], IMPORT):
+    who = where.partition(":")[0]
+    with watch().calling(who, IMPORT):
         module, sha256, _ = run_file(path, content, where)
+    with watch().calling(who, "its declaration"):
+        declaration, component, of, plain = _declared(module, path, sha256, asked, where)
+    name, readme, _, fmi = asked
+    with ExitStack() as built:
+
+        def model() -> Model:
+            with watch().calling(who, "its equations"):
+                made = replace(_model(component, declaration, where), readme=readme)
+            built.enter_context(_going_on(who))
+            return made
+
+        fmu = factory.kept_fmu(f"{name}.fmu", of, model, fmi)
+    return (fmu, *plain), sha256
+
+
+@contextmanager
+def _going_on(who: str) -> Iterator[None]:
+    """Tell the parent that the process goes on: a compiler takes more time than a call may."""
+    done = Event()
+
+    def beat() -> None:
+        for _ in range(COMPILING_S):
+            with watch().calling(who, "its compilation"):
+                pass
+            if done.wait(1.0):
+                return
+
+    Thread(target=beat, daemon=True).start()
+    try:
+        yield
+    finally:
+        done.set()
+
+
+_Plain = tuple[tuple[Variable, ...], str, Mapping[Beacons, str]]
+
+
+def _declared(
+    module: ModuleType, path: Path, sha256: str, asked: Asked, where: str
+) -> tuple[ReceiverDeclaration, Component, str, _Plain]:
+    """What a module declares, for the beacons that are asked for; its key, and what is told of it.
+    """
     declaration = _declaration(module, path, where)
-    name, readme, beacons, fmi = asked
+    _, readme, beacons, fmi = asked
     try:
         component = declaration.component.sized(beacons=beacons)
     except ValueError as error:
         raise ConfigurationError(f"{where}: {error}") from None
-
-    def model() -> Model:
-        with watch().calling(where.partition(":")[0], "its equations"):
-            return replace(_model(component, declaration, where), readme=readme)
-
-    of = of_user(repr((sha256, component, readme)), fmi)
-    fmu = factory.kept_fmu(f"{name}.fmu", of, model, fmi)
-    parameters = tuple(map(_plain, component.of("parameter")))
-    return (fmu, parameters, declaration.purpose, {**declaration.unfit}), sha256
+    try:
+        of = of_user(repr((sha256, component, readme)), fmi)
+        plain = (
+            tuple(map(_plain, component.of("parameter"))), declaration.purpose,
+            {**declaration.unfit},
+        )  # fmt: skip
+    except SblcosimError:
+        raise
+    except foreseen() as error:
+        raise ConfigurationError(
+            f"{where}: {path.name} must have a {NAME} that can be read, got {raised(error)}"
+        ) from error
+    return declaration, component, of, plain
 
 
 def _declaration(module: ModuleType, path: Path, where: str) -> ReceiverDeclaration:

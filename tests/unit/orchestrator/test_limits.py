@@ -250,13 +250,13 @@ def test_the_steady_state_is_that_of_a_long_recursion() -> None:
     assert (P[0, 0] + before) / 2 == pytest.approx(float(formula), rel=0.005)
 
 
-@pytest.mark.parametrize(("at_once", "slots"), [(False, 5), (True, 1)])
-def test_the_closed_form_by_hand(at_once: bool, slots: int) -> None:
+@pytest.mark.parametrize(("together", "slots"), [(1, 5), (5, 1), (2, 2.5)])
+def test_the_closed_form_by_hand(together: int, slots: float) -> None:
     """Five beacons; the formulas as they are published, each term in its own line."""
     b, std, depth_std, T, loss, q = 2.0, 0.3, 0.2, 0.5, 0.2, 0.004
     found = limits.closed_form([6.0, -8.0, 5.0], limits.Conditions(
         std, depth_std, 5 * b**2 / 2, beacons=5, slot=T, loss=loss, acceleration_psd=q,
-        common_std=0.7, heading_std=0.03, heading_noise_std=0.06, at_once=at_once,
+        common_std=0.7, heading_std=0.03, heading_noise_std=0.06, together=together,
     ))  # fmt: skip
     reach, distance = 10.0, sqrt(125.0)
     between = slots * T / 0.8

@@ -18,10 +18,12 @@ from sblcosim.models.platform.imu import grade
 from sblcosim.models.settings.assumptions import SOURCES
 from sblcosim.models.settings.keys import in_si
 from sblcosim.models.settings.presets import PRESETS
+from sblcosim.models.target.trajectories import FOUND as PATHS
 from sblcosim.scenario.scenario import load, shipped, shipped_text
 from sblcosim.scenario.schema import CORE_COMPONENTS
 from sblcosim.scenario.starter import starter
 from sblcosim.scenario.wiring import connect
+from sblcosim.words.lists import listed
 
 FIXED = ("target", "platform", "acoustics")
 
@@ -607,9 +609,8 @@ def test_a_dump_leaves_out_what_was_filled_in_and_has_no_effect() -> None:
         ),
         (
             {"target": {"trajectory": "spirale"}},
-            "scenario: [target] trajectory: must be 'straight_line', 'semicircle', 'circle', "
-            "'square', 'spiral', 'random_path', 'waypoints', 'white_noise_acceleration' or "
-            "'file', got \"spirale\"; did you mean 'spiral'?",
+            f"scenario: [target] trajectory: must be {listed([*map(repr, PATHS)], 'or')}, "
+            "got \"spirale\"; did you mean 'spiral'?",
         ),
         (
             {"target": {"center_m": [1.0, 2.0, 3.0]}},

@@ -1,0 +1,42 @@
+"""Tables of alternatives, each with a number of its own, and how they are told."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Protocol, TypeVar
+
+
+class Numbered(Protocol):
+    """One of some alternatives."""
+
+    @property
+    def number(self) -> int: ...
+
+
+_N = TypeVar("_N", bound=Numbered)
+
+
+def in_order(what: str, them: Mapping[str, _N]) -> Mapping[str, _N]:
+    """Alternatives in the order of their numbers.
+
+    Raises
+    ------
+    ValueError
+        Two have the same number.
+    """
+    ordered = dict(sorted(them.items(), key=lambda item: item[1].number))
+    first: dict[int, str] = {}
+    for name, one in ordered.items():
+        other = first.setdefault(one.number, name)
+        if other != name:
+            raise ValueError(
+                f"{what}: each must have a number of its own, got {one.number} for {other} and "
+                f"{name}"
+            )
+    return ordered
+
+
+def alternatives(words: Iterable[str]) -> str:
+    """The words of alternatives: ``"one, two, or three"``."""
+    *first, last = words
+    return f"{', '.join(first)}, or {last}" if first else last
