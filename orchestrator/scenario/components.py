@@ -26,7 +26,7 @@ from ..simulation.user_receivers import of_fmu, of_folder
 from . import tracks
 from .own_keys import values_of
 from .scenario import Scenario, Source
-from .schema import SHARED_PARAMETERS, TRUE, content_of
+from .schema import SHARED_PARAMETERS, TRUE
 from .sources import known_source, named
 
 
@@ -47,12 +47,10 @@ def ours_of(
     assumptions: Mapping[str, Any] = _NOTHING,
 ) -> Part:
     """A component of ours, with the parameters of a table of the scenario."""
-    content = content_of(scenario, where)
-    if content is None:
-        return _made(name, scenario, where, fmi, assumptions)
+    table = getattr(scenario, where)
     assumed = marshal.dumps([*assumptions.items()], 2)  # of version 2: without references
-    key = (name, where, fmi, scenario.beacons, content, assumed)
-    return alike("parts", key, lambda: _made(name, scenario, where, fmi, assumptions))
+    key = (name, id(table), fmi, scenario.beacons, assumed)
+    return alike("parts", key, lambda: _made(name, scenario, where, fmi, assumptions), table)
 
 
 def _made(
