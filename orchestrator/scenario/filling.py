@@ -26,7 +26,8 @@ DEFAULT_RECEIVER = "coupled"
 
 def beacons_of(platform: Platform) -> int:
     """The number of beacons, from what is given of a platform."""
-    return int(given_of(platform).get("beacons", arranged(platform.beacon_m)["beacons"]))
+    given = platform.beacons if "beacons" in platform.model_fields_set else None
+    return int(arranged(platform.beacon_m)["beacons"] if given is None else given)
 
 
 def component(name: str, table: Any, beacons: int, common: Mapping[str, Any]) -> Any:

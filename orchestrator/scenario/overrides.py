@@ -35,7 +35,7 @@ def override(raw: dict[str, Any], overrides: Changes) -> set[tuple[str, ...]]:
     given = gathered(overrides)
     if isinstance(given, Mapping) and {*map(type, given.values())} != {float}:  # which fit
         check_values("overrides", given)
-    batch = [*pairs(given)]
+    batch = [*_pairs(given)]
     by_table: dict[str, list[tuple[tuple[str, ...], Any]]] = {}
     for path, value in batch:
         if not (type(value) is float and len(path) == 2):  # which fits, as most are
@@ -124,6 +124,8 @@ def gathered(overrides: Changes | Mapping[str, Any]) -> Mapping[str, Any] | Sequ
             "overrides: must be keys with values, or texts like table.key=value, got "
             f"{instance(overrides)}"
         )
+    if isinstance(overrides, ItemsView) and {type(key) for key, _ in overrides} == {str}:
+        return dict(overrides)
     items: tuple[Any, ...] = tuple(overrides)
     in_pairs = all(isinstance(i, tuple) and len(i) == 2 and isinstance(i[0], str) for i in items)
     return dict(items) if in_pairs else items
@@ -131,7 +133,10 @@ def gathered(overrides: Changes | Mapping[str, Any]) -> Mapping[str, Any] | Sequ
 
 def pairs(overrides: Changes | Mapping[str, Any]) -> Iterator[tuple[tuple[str, ...], Any]]:
     """The overrides as paths of keys and their values."""
-    overrides = gathered(overrides)
+    yield from _pairs(gathered(overrides))
+
+
+def _pairs(overrides: Mapping[str, Any] | Sequence[Any]) -> Iterator[tuple[tuple[str, ...], Any]]:
     if isinstance(overrides, Mapping):
         for key, value in overrides.items():
             path = _path(str(key))

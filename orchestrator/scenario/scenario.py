@@ -47,6 +47,7 @@ from .schema import (
     toml,
 )
 
+_PERIODS = ("sampling_time_s", "update_interval_s", "interval_s")
 _SHIPPED = resources.files("sblcosim.scenario") / "shipped"
 
 Source = str | Path | Callable[[], PythonComponent]
@@ -110,7 +111,7 @@ class Scenario(Table):
         receiver = self.receiver
         for name, table in (("time", self.time), *self._tables()):
             given = table.model_fields_set
-            for key in ("sampling_time_s", "update_interval_s", "interval_s"):
+            for key in () if given.isdisjoint(_PERIODS) else _PERIODS:
                 if key in given and not is_whole_ns(getattr(table, key)):
                     yield (
                         f"[{name}] {key}: must be a whole number of nanoseconds, "
