@@ -38,6 +38,7 @@ from ..scenario.schema import CORE_COMPONENTS
 from ..scenario.sources import Choice, choice_of
 from ..scenario.wiring import no_effect
 from ..simulation import execution
+from ..simulation.alike import alike
 from ..simulation.how import HOW, How
 from ..simulation.plan import Plan, PlannedComponent
 from ..simulation.process import check_patience, patience
@@ -189,21 +190,22 @@ def _uncollected() -> Iterator[None]:
 
 
 def _prepared(study: Definition, how: How) -> Campaign:
-    with patience(how.step_timeout), _warnings_once(len(study.points.values)), unchanged.assumed():
+    with patience(how.step_timeout), unchanged.assumed():
         labels = tuple(label for label in choice_at_all_points(study).receivers if label != RAW)
-        keys: Mapping[effects.Key, str] = dict.fromkeys(effects.given(study.base), "")
-        points, plans, texts = [], [], _Texts()
-        for number, values in enumerate(study.points.values, 1):
-            scenario, system, plan = resolved(study, number)
-            if keys:
-                keys = effects.idle(scenario, study.components(scenario), keys)
-            if number == 1:
-                seeded, handovers = seeded_inputs(study, system, labels)
-                free = {f"{name}.seed" for name in seeded} | {c.target for c in handovers}
-            digest = point_digest(study, number, system, plan, free, texts)
-            of_study = tuple(v if isinstance(v, str) else float(v) for v in values)
-            points.append(Point(number, of_study, system, digest))
-            plans.append(plan)
+        with _warnings_once(len(study.points.values)):
+            keys: Mapping[effects.Key, str] = dict.fromkeys(effects.given(study.base), "")
+            points, plans, texts = [], [], _Texts()
+            for number, values in enumerate(study.points.values, 1):
+                scenario, system, plan = resolved(study, number)
+                if keys:
+                    keys = effects.idle(scenario, study.components(scenario), keys)
+                if number == 1:
+                    seeded, handovers = seeded_inputs(study, system, labels)
+                    free = {f"{name}.seed" for name in seeded} | {c.target for c in handovers}
+                digest = point_digest(study, number, system, plan, free, texts)
+                of_study = tuple(v if isinstance(v, str) else float(v) for v in values)
+                points.append(Point(number, of_study, system, digest))
+                plans.append(plan)
     for line in no_effect(study.base, keys):  # of keys that have none at any point
         warnings.warn(line, NoEffectWarning, stacklevel=2)
     _check_effects(study, points)
