@@ -9,10 +9,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Literal, cast
+from typing import Any, cast
 
 from sblcosim.fmus.host.nanoseconds import nanoseconds
 from sblcosim.fmus.read.ports import Port, ports_of, read
+from sblcosim.fmus.standard import Fmi
 from sblcosim.models import declared
 from sblcosim.models.declaration import Variable
 from sblcosim.models.ports import BEACON_POSITIONS, PING_POSE, RECEPTION
@@ -67,7 +68,7 @@ def _made(
     names, rows = described(
         name, tuple(constants.items()), tracks.PARAMETERS if without_track else ()
     )
-    fmu = build(name, cast(Literal[2, 3], fmi), False, None, **constants)  # refuses other versions
+    fmu = build(name, cast(Fmi, fmi), False, None, **constants)  # refuses other versions
     content = _content(table, assumptions)
     # Points of a study differ from the first in a few parameters.
     first = alike("first", (id(rows), fmu), lambda: _First(fmu, rows, content), rows)
@@ -128,7 +129,7 @@ def receiver_of(scenario: Scenario, label: str, source: Source, fmi: int) -> Par
     own = table.fmu is not None and source == known_source(table.fmu)
     built = of_fmu(source)
     if built is not None and (built.beacons, built.fmi) != (scenario.beacons, fmi):
-        source = of_folder(str(built.folder), scenario.beacons, cast(Literal[2, 3], fmi)).fmu
+        source = of_folder(str(built.folder), scenario.beacons, cast(Fmi, fmi)).fmu
     _check_contract(label, source)
     return foreign("receiver", scenario, source, own)
 

@@ -21,8 +21,13 @@ def alike(what: str, key: Hashable, make: Callable[[], T], *kept: object) -> T:
     kept
         Objects whose ids are in the key.
     """
-    known: dict[Hashable, tuple[T, tuple[object, ...]]] = unchanged.once(what, dict)
-    found = known.get(key)
+    answers = unchanged.answers()
+    if answers is None:
+        return make()
+    known: Any = answers.get(what)
+    if known is None:
+        known = answers[what] = {}
+    found: tuple[T, tuple[object, ...]] | None = known.get(key)
     if found is None:
         if len(known) >= _MOST:
             known.clear()

@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 from operator import attrgetter
 from typing import Any
 
@@ -416,11 +416,12 @@ def _about(
 
 
 _encode = json.JSONEncoder(sort_keys=True).encode
+_quoted = lru_cache(1024)(_encode)
 
 
 def _entries(spec: ComponentSpec, names: Iterable[str]) -> dict[str, str]:
     """What is hashed of some parameters, by name."""
-    return {name: f"{_json(name)}: {_json(spec.parameters[name])}" for name in names}
+    return {name: f"{_quoted(name)}: {_json(spec.parameters[name])}" for name in names}
 
 
 def _json(value: Any) -> str:
