@@ -22,11 +22,6 @@ def assumed() -> Iterator[None]:
         _ANSWERS.reset(token)
 
 
-def answers() -> dict[Hashable, object] | None:
-    """The answers so far, by question; None: files are not assumed unchanged."""
-    return _ANSWERS.get()
-
-
 def once(question: Hashable, answer: Callable[[], T]) -> T:
     """The answer to a question about files, which is kept while they are assumed unchanged."""
     answers = _ANSWERS.get()

@@ -21,13 +21,8 @@ def alike(what: str, key: Hashable, make: Callable[[], T], *kept: object) -> T:
     kept
         Objects whose ids are in the key.
     """
-    answers = unchanged.answers()
-    if answers is None:
-        return make()
-    known: Any = answers.get(what)
-    if known is None:
-        known = answers[what] = {}
-    found: tuple[T, tuple[object, ...]] | None = known.get(key)
+    known: dict[Hashable, tuple[T, tuple[object, ...]]] = unchanged.once(what, dict)
+    found = known.get(key)
     if found is None:
         if len(known) >= _MOST:
             known.clear()
