@@ -13,11 +13,12 @@ from ..errors import ConfigurationError, nearest
 from ..scenario.labels import RAW
 from ..scenario.scenario import Receivers, Scenario, Source
 from ..scenario.schema import CORE_COMPONENTS
-from ..scenario.sources import choice_of
+from ..scenario.sources import Choice, choice_of
 from ..scenario.wiring import applied, connected
 from ..simulation.plans.checks import check_size
 from ..simulation.plans.plan import Plan
 from ..simulation.resolve import resolve
+from ..simulation.system import System
 from .prepared import Prepared, origins_of, shortening
 
 
@@ -41,8 +42,7 @@ def of_scenario(
         compared.
     """
     choice = choice_of(scenario, receivers, fmi, components)
-    system = connected(scenario, choice)
-    plan = resolve(system)
+    system, plan = joined(scenario, choice)
     check_size(plan)
     _check_truth(plan)
     labels = [*(label for label in choice.receivers if label != RAW)]
@@ -62,6 +62,25 @@ def of_scenario(
         may_fail=[name for name in labels if name != RAW] or [RAW],  # raw counts if it is alone
         update_interval_ns=nanoseconds(scenario.receiver.update_interval_s),
     )
+
+
+def joined(
+    scenario: Scenario, choice: Choice, *, raw: bool = True, tell_idle: bool = True
+) -> tuple[System, Plan]:
+    """Connect and resolve what was chosen for a scenario, or for one with other keys.
+
+    Parameters
+    ----------
+    raw, tell_idle
+        As of `sblcosim.scenario.wiring.connect`.
+
+    Raises
+    ------
+    ConfigurationError, FmuError
+        As `of_scenario`.
+    """
+    system = connected(scenario, choice, raw=raw, tell_idle=tell_idle)
+    return system, resolve(system)
 
 
 def _check_truth(plan: Plan) -> None:

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import marshal
+import operator
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Literal, cast
+from typing import Any, cast
 
 from sblcosim.fmus.host.nanoseconds import nanoseconds
 from sblcosim.fmus.read.ports import Port, ports_of, read
+from sblcosim.fmus.standard import Fmi
 from sblcosim.models import declared
 from sblcosim.models.declaration import Variable
 from sblcosim.models.ports import BEACON_POSITIONS, PING_POSE, RECEPTION
@@ -26,7 +28,7 @@ from ..simulation.user.receivers import of_fmu, of_folder
 from . import tracks
 from .own_keys import values_of
 from .scenario import Scenario, Source
-from .schema import SHARED_PARAMETERS, TRUE, content_of
+from .schema import SHARED_PARAMETERS, TRUE, Table, given_of
 from .sources import known_source, named
 
 
@@ -47,12 +49,10 @@ def ours_of(
     assumptions: Mapping[str, Any] = _NOTHING,
 ) -> Part:
     """A component of ours, with the parameters of a table of the scenario."""
-    content = content_of(scenario, where)
-    if content is None:
-        return _made(name, scenario, where, fmi, assumptions)
+    table = getattr(scenario, where)
     assumed = marshal.dumps([*assumptions.items()], 2)  # of version 2: without references
-    key = (name, where, fmi, scenario.beacons, content, assumed)
-    return alike("parts", key, lambda: _made(name, scenario, where, fmi, assumptions))
+    key = (name, id(table), fmi, assumed)
+    return alike("parts", key, lambda: _made(name, scenario, where, fmi, assumptions), table)
 
 
 def _made(
@@ -64,33 +64,59 @@ def _made(
     constants = {"beacons": scenario.beacons}
     if name == "target":
         constants |= tracks.capacity(table)
-    names, rows = described(name, tuple(constants.items()))
-    values = _values(rows, table, assumptions)
-    if name == "target" and table.trajectory != tracks.FILE:
-        values = {k: v for k, v in values.items() if k not in tracks.PARAMETERS}
-    spec = ComponentSpec(
-        build(name, cast(Literal[2, 3], fmi), False, None, **constants),  # refuses other versions
-        nanoseconds(table.interval_s),
-        values,
+    without_track = name == "target" and table.trajectory != tracks.FILE
+    names, rows = described(
+        name, tuple(constants.items()), tracks.PARAMETERS if without_track else ()
     )
-    return Part(spec, names)
+    fmu = build(name, cast(Fmi, fmi), False, None, **constants)  # refuses other versions
+    content = _content(table, assumptions)
+    # Points of a study differ from the first in a few parameters.
+    first = alike("first", (id(rows), fmu), lambda: _First(fmu, rows, content), rows)
+    return Part(first.varied(content, nanoseconds(table.interval_s)), names)
 
 
-_Row = tuple[str, str, Callable[[Any], Any] | None]
-"""Name and key of a parameter, and how its values in a file become SI values."""
+class _First:
+    """The first component of an FMU."""
+
+    def __init__(self, fmu: Path, rows: _Rows, content: Mapping[str, Any]) -> None:
+        self._rows, self._content = rows, content
+        self._spec = ComponentSpec(fmu, 1, _values(rows, content))
+
+    def varied(self, content: Mapping[str, Any], interval_ns: int) -> ComponentSpec:
+        """The component with other values in its table."""
+        spec, before = self._spec, self._content
+        rows = {
+            key: row for key, row in self._rows.items()
+            if content[key] is not before[key] and not _same(content[key], before[key])
+        }
+        changes = _values(rows, content)
+        if len(changes) < len(rows) or not changes.keys() <= spec.parameters.keys():
+            return ComponentSpec(spec.fmu, interval_ns, _values(self._rows, content))
+        return spec.varied(changes, interval_ns)
+
+
+def _same(one: Any, other: Any) -> bool:
+    """Whether arrays have the same elements; others may differ."""
+    arrays = type(one) is type(other) is tuple and len(one) == len(other)
+    return arrays and all(map(operator.is_, one, other))
+
+
+_Rows = Mapping[str, tuple[str, Callable[[Any], Any] | None]]
+"""Names of parameters by key, and how values in a file become SI values."""
 
 
 @lru_cache(256)
 def described(
-    name: str, constants: tuple[tuple[str, int], ...]
-) -> tuple[frozenset[str], tuple[_Row, ...]]:
-    """Names of all variables of a component of ours, and its parameters."""
+    name: str, constants: tuple[tuple[str, int], ...], left_out: tuple[str, ...] = ()
+) -> tuple[frozenset[str], _Rows]:
+    """Names of all variables of a component of ours, and its parameters but some."""
     component = declared(name, **dict(constants))
-    return frozenset(v.name for v in component), _rows(component.of("parameter"))
+    parameters = (v for v in component.of("parameter") if v.name not in left_out)
+    return frozenset(v.name for v in component), _rows(parameters)
 
 
-def _rows(variables: Iterable[Variable]) -> tuple[_Row, ...]:
-    return tuple((v.name, v.key, to_si(v)) for v in variables)
+def _rows(variables: Iterable[Variable]) -> _Rows:
+    return {v.key: (v.name, to_si(v)) for v in variables}
 
 
 def receiver_of(scenario: Scenario, label: str, source: Source, fmi: int) -> Part:
@@ -98,12 +124,12 @@ def receiver_of(scenario: Scenario, label: str, source: Source, fmi: int) -> Par
     if isinstance(source, str):
         names, rows = described(source, ())
         assumed = scenario.assumptions(names)
-        assumed = {key: assumed[key] for _, key, _ in rows if key in assumed}
+        assumed = {key: assumed[key] for key in rows if key in assumed}
         return ours_of(source, scenario, "receiver", fmi, assumed)
     own = table.fmu is not None and source == known_source(table.fmu)
     built = of_fmu(source)
     if built is not None and (built.beacons, built.fmi) != (scenario.beacons, fmi):
-        source = of_folder(str(built.folder), scenario.beacons, cast(Literal[2, 3], fmi)).fmu
+        source = of_folder(str(built.folder), scenario.beacons, cast(Fmi, fmi)).fmu
     _check_contract(label, source)
     return foreign("receiver", scenario, source, own)
 
@@ -132,7 +158,8 @@ def foreign(table_name: str, scenario: Scenario, source: Source, own: bool) -> P
     if getattr(table, "prior", None) == TRUE:
         wanted.add("initialisation")
     assumed = scenario.assumptions(has) if table_name == "receiver" else {}
-    values = {"seed": scenario.seed, **_values(_rows(table.variables.values()), table, assumed)}
+    content = _content(table, assumed)
+    values = {"seed": scenario.seed, **_values(_rows(table.variables.values()), content)}
     if built is not None:  # told as ours are
         wanted |= {table.variables[key].name for key in assumed}
     parameters = {k: v for k, v in values.items() if k in has and k in wanted}
@@ -193,27 +220,17 @@ def _check_contract(label: str, source: Source) -> None:
         )
 
 
-def _values(
-    rows: Iterable[_Row], table: Any,
-    assumptions: Mapping[str, Any] = _NOTHING,
-) -> dict[str, Value]:
-    """Values of some parameters, given, assumed or of the table: FMI names and SI values."""
-    values: dict[str, Value] = {}
-    content, is_set = vars(table), table.model_fields_set
-    last: dict[str, tuple[Any, Value]] = alike("converted", id(rows), dict, rows)
-    for name, key, convert in rows:
-        value = content[key]
-        if key not in is_set:
-            value = assumptions.get(key, value)
-        if value is None:
-            continue
-        if convert is not None:  # points of a study share most values
-            known = last.get(name)
-            if known is None or known[0] is not value:
-                known = last[name] = value, convert(value)
-            value = known[1]
-        values[name] = value
-    return values
+def _content(table: Table, assumptions: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The keys of a table with their values: given, assumed or filled in."""
+    return {**vars(table), **assumptions, **given_of(table)} if assumptions else vars(table)
+
+
+def _values(rows: _Rows, content: Mapping[str, Any]) -> dict[str, Value]:
+    """Values of some parameters: FMI names and SI values; of those that have one."""
+    return {
+        name: content[key] if convert is None else convert(content[key])
+        for key, (name, convert) in rows.items() if content[key] is not None
+    }
 
 
 def _flat(value: Any) -> Value:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import marshal
 from collections.abc import Iterator, Mapping
 
 from sblcosim.models.receiver.receivers import FOUND
@@ -68,9 +67,8 @@ def _of_arrangement(scenario: Scenario) -> Iterator[str]:
     platform = scenario.platform
     if platform.fmu:
         return
-    offsets = beacons_of(platform)
     problem = alike(
-        "degenerate", marshal.dumps(offsets, 2), lambda: arrangement.degenerate(offsets)
+        "degenerate", id(platform), lambda: arrangement.degenerate(beacons_of(platform)), platform
     )
     if problem is not None:
         key = "beacon_m" if platform.beacon_m else "arm_length_m"
@@ -79,7 +77,8 @@ def _of_arrangement(scenario: Scenario) -> Iterator[str]:
 
 def _of_receivers(scenario: Scenario, chosen: Mapping[str, Source]) -> Iterator[str]:
     """Receivers for beacons with other errors than those of the scenario."""
-    beacons = arrangement.errors_of(scenario.platform)
+    platform = scenario.platform
+    beacons = alike("errors", id(platform), lambda: arrangement.errors_of(platform), platform)
     for label, source in chosen.items():
         declared = FOUND.get(source) if isinstance(source, str) else of_fmu(source)
         if declared is not None and beacons is not None and beacons in declared.unfit:

@@ -6,7 +6,7 @@ A parameter of our own components has an effect if the conditions in its declara
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import cache, lru_cache
 from typing import Any, Protocol
 
@@ -62,11 +62,7 @@ def idle(scenario: _Tables, ours: Ours, keys: Iterable[Key]) -> dict[Key, str]:
 
 def in_vain(scenario: _Tables, ours: Ours, keys: Collection[Key]) -> dict[Key, str]:
     """As `idle`, plus keys that only set other keys, all of which are given."""
-    reasons = {
-        key: _all_given(scenario, governed, key)
-        for key, governed in _governors(scenario).items()
-        if key in keys
-    }
+    reasons = {key: _all_given(scenario, _governed(scenario, key), key) for key in keys}
     redundant = {key: why for key, why in reasons.items() if why is not None}
     return redundant | idle(scenario, ours, keys)
 
@@ -167,25 +163,29 @@ def _are(keys: list[str]) -> str:
 # --- Keys that only set other keys ---------------------------------------------------------------
 
 
-def _governors(scenario: _Tables) -> dict[Key, list[Key]]:
-    """Keys that only set other keys, and those keys; a key that is given takes precedence."""
-    ticks = [(name, "sampling_time_s") for name in CORE_COMPONENTS]
-    update = ("receiver", "update_interval_s")
-    governors: dict[Key, list[Key]] = {
-        ("seed",): [(name, "seed") for name in CORE_COMPONENTS],
-        ("time", "sampling_time_s"): [*ticks, update],
-        ("time", "ekf_ratio"): [update],
-    }
-    for name, table in PRESET_TABLES.items():
+_UPDATE = ("receiver", "update_interval_s")
+_GOVERNED: Mapping[Key, Sequence[Key]] = {
+    ("seed",): [(name, "seed") for name in CORE_COMPONENTS],
+    ("time", "sampling_time_s"): [
+        *((name, "sampling_time_s") for name in CORE_COMPONENTS), _UPDATE,
+    ],
+    ("time", "ekf_ratio"): [_UPDATE],
+}
+"""Keys that only set other keys, and those keys; a key that is given takes precedence."""
+
+
+def _governed(scenario: _Tables, key: Key) -> Sequence[Key]:
+    """Keys that are all that a key sets; none: it sets more, or is not given."""
+    table, name = key[0], key[-1]
+    if len(key) == 2 and PRESET_TABLES.get(name) == table:
         value = getattr(getattr(scenario, table), name)
-        if value is not None:
-            governors[table, name] = [(table, key) for key in preset(name, value)]
-    return governors
+        return [] if value is None else [(table, governed) for governed in preset(name, value)]
+    return _GOVERNED.get(key, ())
 
 
-def _all_given(scenario: _Tables, governed: Iterable[Key], key: Key) -> str | None:
-    governed = list(governed)
-    if any(name not in getattr(scenario, table).model_fields_set for table, name in governed):
+def _all_given(scenario: _Tables, governed: Sequence[Key], key: Key) -> str | None:
+    left = [it for it in governed if it[1] not in getattr(scenario, it[0]).model_fields_set]
+    if left or not governed:
         return None
     inside = key[0] if len(key) > 1 else ""
     return f"{_are([n if t == inside else f'{t}.{n}' for t, n in governed])} given"

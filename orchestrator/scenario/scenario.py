@@ -13,24 +13,22 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, ValidationError, model_validator
 from sblcosim.fmus.host.nanoseconds import SECOND, is_whole_ns, nanoseconds
-from sblcosim.models import RECEIVERS
 from sblcosim.models.settings.assumptions import PARAMETERS, levels
-from sblcosim.models.settings.beacons import arranged
-from sblcosim.models.settings.keys import starts
-from sblcosim.models.settings.paths import counts
-from sblcosim.models.settings.presets import PRESET_TABLES, preset
+from sblcosim.models.settings.presets import PRESET_TABLES
 from sblcosim.models.settings.times import update_interval
 
-from ..errors import ConfigurationError, instance, resolved, shortened
+from ..errors import ConfigurationError, instance, resolved
 from ..simulation.plans.alike import alike
 from ..simulation.system import PythonComponent
 from ..tracks.resample import TooFewError
-from . import arrangement, effects, files, library, packets, tracks
+from . import arrangement, effects, files, filling, library, packets, tracks
 from .assumptions import assumed
 from .messages import cross_check, is_table, lines
-from .overrides import Changes, clear_for_presets, gathered, is_mapping, pairs, without_none
+from .overrides import Changes, override, without_none
 from .reading import check_values, parse, read_text, relative, shown
 from .schema import (
+    CORE_COMPONENTS,
+    FILES,
     PRIOR_KEYS,
     SEED,
     SHARED_PARAMETERS,
@@ -43,16 +41,13 @@ from .schema import (
     Table,
     Target,
     Time,
-    content_of,
     divides,
     rows,
+    table_field,
     toml,
 )
 
-FILES = ("fmu", "track_file")
-"""Keys that are paths of files, relative to the scenario's own."""
-DEFAULT_RECEIVER = "coupled"
-"""Receiver of a scenario that names none."""
+_PERIODS = ("sampling_time_s", "update_interval_s", "interval_s")
 _SHIPPED = resources.files("sblcosim.scenario") / "shipped"
 
 Source = str | Path | Callable[[], PythonComponent]
@@ -84,63 +79,39 @@ class Scenario(Table):
         default=int(SEED.starts[0]), description="Seed of all random numbers"
     )
     fmi: Literal[2, 3] = Field(default=2, description="FMI version of the components")
-    time: Time = Field(default_factory=Time)
-    place: Place = Field(default_factory=Place)
-    target: Target = Field(default_factory=Target)
-    platform: Platform = Field(default_factory=Platform)
-    acoustics: Acoustics = Field(default_factory=Acoustics)
-    receiver: Receiver = Field(default_factory=Receiver)
+    time: Time = table_field(Time)
+    place: Place = table_field(Place)
+    target: Target = table_field(Target)
+    platform: Platform = table_field(Platform)
+    acoustics: Acoustics = table_field(Acoustics)
+    receiver: Receiver = table_field(Receiver)
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
         """Fill in values that were not given, then check keys against each other."""
-        common = {"sampling_time_s": self.time.sampling_time_s, "seed": self.seed}
-        presets: dict[str, dict[str, Any]] = {"target": {}, "platform": {}, "acoustics": {}}
-        for name, where in PRESET_TABLES.items():
-            value = getattr(getattr(self, where), name)
-            if value is not None:
-                presets[where] |= preset(name, value)
-        presets["target"] |= counts(self.target)
-        presets["platform"] |= arranged(self.platform.beacon_m)
-        self.platform.fill({"beacons": presets["platform"]["beacons"]})  # sizes the other keys
-        beacons = self.beacons
-        presets["acoustics"] |= packets.resolutions(self.acoustics, beacons)
-        common["interval_s"] = self.acoustics.sampling_time_s or common["sampling_time_s"]
-        for name, table in self._tables(*presets):
-            table.fill({**starts(name, beacons), **presets[name], **common})
-        self._complete_receiver()
+        own, seconds = self.__dict__, self.time.sampling_time_s
+        own["_given"] = {key: own[key] for key in self.model_fields_set}
+        common = {
+            "sampling_time_s": seconds, "seed": self.seed,
+            "interval_s": self.acoustics.sampling_time_s or seconds,
+        }
+        beacons = filling.beacons_of(self.platform)
+        for name in CORE_COMPONENTS:
+            own[name] = filling.component(name, own[name], beacons, common)
+        told = self.assumptions(filling.parameters_of(self.receiver))
+        update = update_interval(nanoseconds(seconds) / SECOND, self.time.ekf_ratio)
+        own["receiver"] = filling.receiver(self.receiver, beacons, told, update)
         problems = [*self._problems()]
         if problems:
             raise ValueError("\n".join(problems))
         return self
-
-    def _complete_receiver(self) -> None:
-        receiver = self.receiver
-        if receiver.type is None and receiver.fmu is None:
-            receiver.fill({"type": DEFAULT_RECEIVER})
-        whole = nanoseconds(self.time.sampling_time_s) / SECOND
-        update = update_interval(whole, self.time.ekf_ratio)
-        own = RECEIVERS.get(receiver.type, ())
-        derived = {**self.assumptions([v.name for v in own]), "update_interval_s": update}
-        if receiver.type is None:
-            derived = {
-                k: v for k, v in derived.items()
-                if receiver.variables[k].name in SHARED_PARAMETERS
-            }
-        if receiver.prior == TRUE:
-            derived["initialisation"] = "prior"
-        if receiver.type in RECEIVERS:
-            known = starts(receiver.type, self.beacons)
-            derived = {**known} | {k: v for k, v in derived.items() if k in known}
-        receiver.fill(derived)
-        receiver.fill({"interval_s": receiver.update_interval_s})
 
     def _problems(self) -> Iterator[str]:
         """Contradictions between keys; one line each."""
         receiver = self.receiver
         for name, table in (("time", self.time), *self._tables()):
             given = table.model_fields_set
-            for key in ("sampling_time_s", "update_interval_s", "interval_s"):
+            for key in () if given.isdisjoint(_PERIODS) else _PERIODS:
                 if key in given and not is_whole_ns(getattr(table, key)):
                     yield (
                         f"[{name}] {key}: must be a whole number of nanoseconds, "
@@ -209,30 +180,19 @@ class Scenario(Table):
             are not where they should be. One that has none of what follows from the system is
             told its noises only.
         """
-        flags = (
-            "clock_std" in parameters, "beacon_offset" in parameters,
-            not PARAMETERS.isdisjoint(parameters),
-        )
-        own = "pose_source" in self.receiver.model_fields_set and self.receiver.pose_source
-        content = tuple(content_of(self, name) for name in ("target", "platform", "acoustics"))
-        if None in content:
-            return self._assumptions(*flags)
-        return alike(
-            "assumptions", (flags, own, content), lambda: self._assumptions(*flags)
-        )
+        receiver, tables = self.receiver, (self.target, self.platform, self.acoustics)
+        source = receiver.pose_source if "pose_source" in receiver.model_fields_set else None
+        clock, arrangement = "clock_std" in parameters, "beacon_offset" in parameters
+        everything = not PARAMETERS.isdisjoint(parameters)
 
-    def _assumptions(
-        self, estimates_clock: bool, knows_arrangement: bool, everything: bool
-    ) -> dict[str, Any]:
-        source = self.receiver.pose_source
-        if "pose_source" not in self.receiver.model_fields_set:
-            source = None
-        tables = (self.target, self.platform, self.acoustics)
-        return levels(
-            assumed(*tables, source, everything=everything), *tables,
-            estimates_clock=estimates_clock,
-            knows_arrangement=knows_arrangement,
-        )
+        def make() -> dict[str, Any]:
+            return levels(
+                assumed(*tables, source, everything=everything), *tables,
+                estimates_clock=clock, knows_arrangement=arrangement,
+            )
+
+        key = (clock, arrangement, everything, source, *map(id, tables))
+        return alike("assumptions", key, make, *tables)
 
     def given(self) -> dict[str, Any]:
         """The keys that were given explicitly, as nested tables; the rest follows from them."""
@@ -335,32 +295,25 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Changes =
     ConfigurationError
         The scenario does not exist or is invalid: one line per problem.
     """
-    where, tables, folder = _read(source)
-    raw = without_none(tables)
-    for table in raw.values():
-        for key in FILES if isinstance(table, dict) else ():
-            if isinstance(table.get(key), str):
-                table[key] = str(folder / table[key])
-    changed = _override(raw, overrides)
-    if isinstance(source, Scenario):
-        changed |= source.__dict__.get("_changed", frozenset())
-    if isinstance(source, str | Path) and "name" not in raw:
-        raw["name"] = Path(source).stem
+    where, raw, file = _read(source)
+    changed = override(raw, overrides)
+    before: Mapping[str, Any] = source.__dict__ if isinstance(source, Scenario) else {}
+    changed |= before.get("_changed", frozenset())
+    if isinstance(source, str | Path):
+        raw.setdefault("name", Path(source).stem)
     scenario = _validated(raw, where, changed)
     try:
-        found = tracks.with_points(scenario)
+        found = tracks.followed(scenario.target, scenario.place)
     except TooFewError as error:
         raise ConfigurationError(cross_check(str(error), where, changed)) from None
+    about = before.get("_track", "") if ("target", "track_m") not in changed else ""
     if found is not None:
-        scenario = _validated(without_none(found[0]), where, changed)
-        scenario.__dict__["_track"] = found[1]
-    elif isinstance(source, Scenario) and ("target", "track_m") not in changed:
-        scenario.__dict__["_track"] = source.__dict__.get("_track", "")
-    file = source.__dict__.get("_file", "") if isinstance(source, Scenario) else where
-    if isinstance(source, Scenario) or (folder / Path(where).name).is_file():
-        scenario.__dict__["_file"] = file
-    if scenario.__dict__.get("_file"):
+        tables, about = found
+        scenario = _validated({**scenario.__dict__["_given"], **tables}, where, changed)
+    scenario.__dict__["_track"] = about
+    if file:
         files.note(scenario.name, file)
+    scenario.__dict__["_file"] = file
     scenario.__dict__["_changed"] = frozenset(changed)  # not a field: it does not affect the run
     vain = effects.in_vain(scenario, effects.components_of(scenario), changed & SETTERS)
     if vain:
@@ -368,34 +321,6 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Changes =
             "\n".join(f"{no_effect(key)}, as {why}" for key, why in sorted(vain.items()))
         )
     return scenario
-
-
-def _override(raw: dict[str, Any], overrides: Changes) -> set[tuple[str, ...]]:
-    """Change keys of nested tables; which."""
-    given = gathered(overrides)
-    if isinstance(given, Mapping) and {*map(type, given.values())} != {float}:  # which fit
-        check_values("overrides", given)
-    batch = list(pairs(given))
-    for path, value in batch:
-        if not (type(value) is float and len(path) == 2):  # which fits, as most are
-            check_values(f"override {shortened('.'.join(path))}", value, len(path))
-    clear_for_presets(raw, batch)
-    for path, value in batch:
-        table = raw
-        for part in path[:-1]:
-            table = table.setdefault(part, {})
-            if not isinstance(table, dict):
-                raise ConfigurationError(
-                    f"override {shortened('.'.join(path))}: {shortened(part)} must be a table"
-                )
-        if value is None:
-            table.pop(path[-1], None)
-        elif is_mapping(value):
-            table[path[-1]] = without_none(value)
-        else:
-            is_file = path[-1] in FILES and isinstance(value, str)
-            table[path[-1]] = str(resolved(value)) if is_file else value
-    return {path for path, _ in batch}
 
 
 def _validated(raw: Mapping[str, Any], where: str, changed: set[tuple[str, ...]]) -> Scenario:
@@ -419,12 +344,21 @@ def no_effect(key: effects.Key) -> str:
     return f"override {'.'.join(key)}: must have an effect, got none"
 
 
-def _read(source: str | Path | Mapping[str, Any] | Scenario) -> tuple[str, Mapping[str, Any], Path]:
-    """Name of the source for messages, its tables, and the folder for relative paths."""
+def _read(source: str | Path | Mapping[str, Any] | Scenario) -> tuple[str, dict[str, Any], str]:
+    """Name of the source for messages, what it gives, and the file that it is from, or nothing."""
     if isinstance(source, Scenario):
-        return alike(
-            "given", id(source), lambda: (source.name, source.given(), Path.cwd()), source
-        )
+        return source.name, {**source.__dict__["_given"]}, source.__dict__.get("_file", "")
+    where, tables, folder = _tables_of(source)
+    raw = without_none(tables)
+    for table in raw.values():
+        for key in FILES if isinstance(table, dict) else ():
+            if isinstance(table.get(key), str):
+                table[key] = str(folder / table[key])
+    return where, raw, where if (folder / Path(where).name).is_file() else ""
+
+
+def _tables_of(source: str | Path | Mapping[str, Any]) -> tuple[str, Mapping[str, Any], Path]:
+    """Name of the source for messages, its tables, and the folder for relative paths."""
     if isinstance(source, Mapping):
         check_values("scenario", source)
         return "scenario", source, Path.cwd()

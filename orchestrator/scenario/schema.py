@@ -7,12 +7,12 @@ by name, arrays row by row. Bounds and descriptions come from the declaration.
 from __future__ import annotations
 
 import json
-import marshal
 import math
 import re
-from collections.abc import Hashable, Iterable, Mapping
-from functools import partial
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal
+from collections.abc import Iterable, Mapping
+from copy import copy
+from functools import cache, partial
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal, TypeVar
 
 from pydantic import (
     AfterValidator,
@@ -20,6 +20,7 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
+    ValidationError,
     WithJsonSchema,
     create_model,
 )
@@ -42,7 +43,10 @@ TRUE: Final = "true"
 """Value of ``prior``: start at the true position, at rest."""
 SHARED_PARAMETERS = ("sampling_time", "update_interval", "seed", "range_std", "depth_std")
 """Parameters that a third-party component always gets, if it has them."""
+FILES = ("fmu", "track_file")
+"""Keys that are paths of files, relative to the scenario's own."""
 PRIOR_KEYS = ("prior_position_m", "prior_velocity_m_s")
+_T = TypeVar("_T", bound="Table")
 _TICKS = frozenset(c.interval for c in COMPONENTS.values())
 
 
@@ -76,9 +80,7 @@ Name = Annotated[
 class Table(BaseModel):
     """One table of a scenario file."""
 
-    model_config = ConfigDict(
-        extra="forbid", frozen=True, strict=True, revalidate_instances="always"
-    )
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
     variables: ClassVar[Mapping[str, Variable]] = {}
 
     if TYPE_CHECKING:
@@ -89,30 +91,38 @@ class Table(BaseModel):
         # Without the names of pydantic: what is left are the keys, and what a table can do.
         return [name for name in public(super().__dir__()) if not hasattr(BaseModel, name)]
 
-    def fill(self, values: Mapping[str, Any]) -> None:
-        """Set keys that were not given. Only while the table is being validated."""
-        # The table is frozen, and keys filled in here must not count as given.
-        own = self.__dict__
-        given = {key: own[key] for key in self.model_fields_set}
-        own.update(values)
-        own.update(given)
+
+def given_of(table: Table) -> dict[str, Any]:
+    """The keys of a table that were given, and their values."""
+    own = table.__dict__
+    return {key: own[key] for key in table.model_fields_set}
 
 
-def content_of(scenario: Any, name: str) -> Hashable:
-    """Tells apart tables of complete scenarios that differ, in a bit or in what is given.
+def filled(table: _T, values: Mapping[str, Any]) -> _T:
+    """A copy of a table with values of keys that were not given, which do not count as given."""
+    full = copy(table)
+    full.__dict__.update(values)
+    full.__dict__.update(given_of(table))
+    return full
 
-    None if nothing does.
-    """
-    known: dict[str, Hashable] = scenario.__dict__.setdefault("_content", {})
-    if name not in known:
-        table = getattr(scenario, name)
-        try:  # version 2 is without references, so that equal values have equal bytes
-            bits = marshal.dumps([*table.__dict__.values()], 2)
-        except ValueError:
-            known[name] = None
-        else:
-            known[name] = bits, frozenset(table.model_fields_set)
-    return known[name]
+
+def valid(kind: type[Table], content: Any) -> Any:
+    """A table of its content; what is not valid is left as it is, to be refused with the rest."""
+    try:
+        return kind.model_validate(content)
+    except ValidationError:
+        return content
+
+
+@cache
+def empty(kind: type[_T]) -> _T:
+    """A table of which nothing is given."""
+    return kind()
+
+
+def table_field(kind: type[_T]) -> Any:
+    """The field for a table that may be left out."""
+    return Field(default_factory=partial(empty, kind))
 
 
 def _annotation(variables: Iterable[Variable], variable: Variable) -> Any:
@@ -324,6 +334,13 @@ class Place(Table):
     height_m: Annotated[float, Field(ge=-1e4, le=1e4)] = Field(
         default=0.0, description="Height of the water's surface above the ellipsoid"
     )
+
+
+TABLES: Mapping[str, type[Table]] = {
+    "time": Time, "place": Place, "target": Target, "platform": Platform, "acoustics": Acoustics,
+    "receiver": Receiver,
+}
+"""The tables of a scenario."""
 
 
 def divides(part: float, whole: float) -> bool:

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from sblcosim.models import COMPONENTS
 from sblcosim.models.target.variables import TRACK_POINTS
 
 from ..errors import ConfigurationError, ConfigurationWarning, shortened
+from ..simulation.plans.alike import alike
 from ..tracks.place import Floats, Origin
+from .schema import given_of, valid
 
 if TYPE_CHECKING:
     from ..tracks.resample import KeptPoints
@@ -34,16 +37,6 @@ CAPACITIES = (TRACK_POINTS, 256, TRACK_POINTS.most)
 """Numbers of points for which Targets are built."""
 
 
-class _Tables(Protocol):
-    """The part of a scenario that is needed here."""
-
-    target: Any
-    place: Any
-
-    def given(self) -> dict[str, Any]:
-        """The keys that were given."""
-
-
 def capacity(target: Any) -> dict[str, int]:
     """The constant of the build of the Target for a scenario's track."""
     count = len(target.track_time_s or ()) if target.trajectory == FILE else 0
@@ -57,10 +50,35 @@ def origin_of(place: Any) -> Origin | None:
     return Origin(place.latitude_deg, place.longitude_deg, place.height_m)
 
 
-def with_points(scenario: _Tables) -> tuple[dict[str, Any], str] | None:
-    """The given tables with the points of the track in place of its file, and what was left out.
+@dataclass(frozen=True, eq=False)
+class _Placed:
+    """A recorded track, and where it is.
+
+    Attributes
+    ----------
+    points
+        North, east, down [m].
+    place
+        Table ``[place]`` of a track in degrees; None: it stays as it is.
+    doubts
+        What may be a mistake.
+    """
+
+    recorded: Recorded
+    points: Floats
+    place: Mapping[str, float] | None
+    doubts: tuple[str, ...]
+
+
+def followed(target: Any, place: Any) -> tuple[Mapping[str, Any], str] | None:
+    """Tables with the points of the track in place of its file, and what was left out.
 
     So whatever is made of the scenario needs no file. None: there is no file to read.
+
+    Parameters
+    ----------
+    target, place
+        Tables of the scenario, complete.
 
     Raises
     ------
@@ -69,21 +87,26 @@ def with_points(scenario: _Tables) -> tuple[dict[str, Any], str] | None:
     TooFewError
         Its track does not fit.
     """
-    target = scenario.target
     if target.track_file is None or target.trajectory != FILE:
         return None
+    of = id(target), id(place)
+    placed = alike("recorded", of, lambda: _placed(target, place), target, place)
+    for line in placed.doubts:
+        warnings.warn(line, ConfigurationWarning, stacklevel=2)
+    return alike("followed", of, lambda: _fitted(target, place, placed), target, place)
+
+
+def _placed(target: Any, place: Any) -> _Placed:
     from ..tracks.read import read
-    from ..tracks.resample import fitted
     from ..tracks.track import FARTHEST
 
     recorded = read(Path(target.track_file))
-    tables = scenario.given()
-    origin = origin_of(scenario.place) or recorded.origin()
-    points = recorded.points
+    origin = origin_of(place) or recorded.origin()
+    points, at = recorded.points, None
     if recorded.geographic:
         assert origin is not None  # the track brings one
         points = origin.local(points)
-        tables["place"] = {
+        at = {
             "latitude_deg": origin.latitude_deg, "longitude_deg": origin.longitude_deg,
             "height_m": origin.height_m,
         }  # fmt: skip
@@ -93,23 +116,21 @@ def with_points(scenario: _Tables) -> tuple[dict[str, Any], str] | None:
                 f"{recorded.where(i, 1)}: must be within {FARTHEST / 1e3:g} km of the origin "
                 f"([place]), got {far / 1e3:,.0f} km"
             )
-    dry = [i for i, depth in enumerate(points[:, 2].tolist()) if depth < -ABOVE]
-    if dry:
-        warnings.warn(
-            f"{recorded.where(dry[0], 3)}: should be under water (a depth, or an elevation below "
-            f"0), got up to {-points[:, 2].min():,.4g} m above it at {len(dry):,} of "
-            f"{len(points):,} points",
-            ConfigurationWarning,
-            stacklevel=2,
-        )
+    return _Placed(recorded, points, at, tuple(_doubts(recorded, points)))
+
+
+def _fitted(target: Any, place: Any, placed: _Placed) -> tuple[Mapping[str, Any], str]:
+    from ..tracks.resample import fitted
+
+    recorded = placed.recorded
     tolerance = TOLERANCE if target.track_tolerance_m is None else target.track_tolerance_m
-    for line in _doubts(recorded, points):
-        warnings.warn(line, ConfigurationWarning, stacklevel=2)
-    kept = fitted(recorded.times, points, tolerance)
-    own = {key: value for key, value in tables["target"].items() if key not in FILE_KEYS}
+    kept = fitted(recorded.times, placed.points, tolerance)
+    own = {key: value for key, value in given_of(target).items() if key not in FILE_KEYS}
     own["track_time_s"] = kept.times.tolist()
     own["track_m"] = kept.points.tolist()
-    tables["target"] = own
+    tables = {"target": valid(type(target), own)}
+    if placed.place is not None:
+        tables["place"] = valid(type(place), placed.place)
     return tables, _about(shortened(Path(target.track_file).name, 80), recorded, kept)
 
 
@@ -129,6 +150,13 @@ def _about(name: str, recorded: Recorded, kept: KeptPoints) -> str:
 
 def _doubts(recorded: Recorded, points: Floats) -> Iterator[str]:
     """What may be a mistake in a track with points north, east, down [m]."""
+    dry = [i for i, depth in enumerate(points[:, 2].tolist()) if depth < -ABOVE]
+    if dry:
+        yield (
+            f"{recorded.where(dry[0], 3)}: should be under water (a depth, or an elevation below "
+            f"0), got up to {-points[:, 2].min():,.4g} m above it at {len(dry):,} of "
+            f"{len(points):,} points"
+        )
     most = COMPONENTS["target"]["speed"].max
     speeds = np.linalg.norm(np.diff(points, axis=0), axis=1) / np.diff(recorded.times)
     fast = np.flatnonzero(speeds > most)

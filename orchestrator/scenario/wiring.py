@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
 
@@ -223,7 +224,7 @@ def _refuse_idle_keys(scenario: Scenario, chosen: Mapping[str, Source]) -> None:
                 f"that is a file or a class, got {key!r}{nearest(key, further)}"
             )
     names = sorted({table.type, *(s for s in chosen.values() if isinstance(s, str))})
-    known = {key for name in names for _, key, _ in described(name, ())[1]}
+    known = {key for name in names for key in described(name, ())[1]}
     for label, source in chosen.items():
         if not isinstance(source, str):
             has = ports_of_source(label, source)
@@ -259,9 +260,7 @@ _OF_SENSOR = {"sampling_time", "depth_std", "depth_bias", "depth_bias_std"}
 
 def _begun(part: Part, start: Mapping[str, Value]) -> Part:
     known = {name: value for name, value in start.items() if name in part.names}
-    spec = part.spec
-    begun = ComponentSpec(spec.fmu, spec.interval_ns, {**spec.parameters, **known}, spec.inputs)
-    return Part(begun, part.names, part.foreign_inputs)
+    return replace(part, spec=part.spec.varied(known))
 
 
 def _at_start(part: Part, name: str) -> tuple[float, ...]:

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
@@ -92,6 +92,9 @@ class ComponentSpec:
         set (``initial`` exact or approx).
     texts
         Values at the start of variables of an FMU that are texts.
+    like
+        What it was made from by `varied`, and by that alone: of two that are so like each other,
+        only what differs has to be checked and hashed.
     """
 
     fmu: Path | Callable[[], PythonComponent]
@@ -100,6 +103,43 @@ class ComponentSpec:
     inputs: Mapping[str, Value] = field(default_factory=dict)
     starts: Mapping[str, Value] = field(default_factory=dict)
     texts: Mapping[str, str] = field(default_factory=dict)
+    like: Likeness | None = field(default=None, init=False, compare=False, repr=False)
+
+    def varied(
+        self, changes: Mapping[str, Value], interval_ns: int | None = None
+    ) -> ComponentSpec:
+        """The same with other values of some parameters, and perhaps another interval."""
+        spec = ComponentSpec(
+            self.fmu, interval_ns or self.interval_ns, {**self.parameters, **changes},
+            self.inputs, self.starts, self.texts,
+        )
+        if changes.keys() <= self.parameters.keys():
+            like = self.like or Likeness(self)
+            object.__setattr__(spec, "like", Likeness(like.to, like.but.union(changes)))
+        return spec
+
+
+@dataclass(frozen=True, eq=False)
+class Likeness:
+    """That a component is like another, which was not made from a third.
+
+    Attributes
+    ----------
+    but
+        Names of the parameters whose values may differ. Both have the same parameters, in the same
+        order.
+    """
+
+    to: ComponentSpec
+    but: frozenset[str] = frozenset()
+
+
+def differences(specs: Collection[ComponentSpec]) -> Collection[str]:
+    """The parameters in which components may differ that have the same parameters."""
+    likes = [spec.like or Likeness(spec) for spec in specs]
+    if len({id(like.to) for like in likes}) == 1:
+        return frozenset().union(*(like.but for like in likes))
+    return {name for spec in specs for name in spec.parameters}
 
 
 @dataclass(frozen=True)

@@ -5,12 +5,13 @@ from __future__ import annotations
 import gc
 import hashlib
 import json
+import math
 import warnings
 from collections import Counter
 from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 from operator import attrgetter
 from typing import Any
 
@@ -27,28 +28,27 @@ from ..errors import (
     SblcosimError,
     check_choice,
 )
+from ..prepare.scenario import joined
 from ..results.responses import Response
 from ..scenario import effects
 from ..scenario.files import about
 from ..scenario.labels import RAW
 from ..scenario.scenario import Scenario, Source
 from ..scenario.schema import CORE_COMPONENTS
-from ..scenario.sources import choose
-from ..scenario.wiring import connect, no_effect
+from ..scenario.sources import Choice, choice_of
+from ..scenario.wiring import no_effect
 from ..simulation import execution
 from ..simulation.children.process import check_patience, patience
 from ..simulation.how import HOW, How
 from ..simulation.plans.alike import alike
 from ..simulation.plans.plan import Plan, PlannedComponent
-from ..simulation.plans.settings import facts_of
-from ..simulation.resolve import resolve
-from ..simulation.system import ComponentSpec, Connection, System
+from ..simulation.system import ComponentSpec, Connection, Likeness, System
 from .definition import Definition
 from .groups import Group, Point, grouped
 from .stand_in import StandIn
 
 Floats = NDArray[np.float64]
-_Texts = dict[Hashable, str]
+_Texts = dict[Hashable, Any]
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,21 +190,22 @@ def _uncollected() -> Iterator[None]:
 
 
 def _prepared(study: Definition, how: How) -> Campaign:
-    with patience(how.step_timeout), _warnings_once(len(study.points.values)), unchanged.assumed():
-        labels = tuple(label for label in choose(study.base, receivers_of(study)) if label != RAW)
-        keys: Mapping[effects.Key, str] = dict.fromkeys(effects.given(study.base), "")
-        points, plans, texts = [], [], _Texts()
-        for number, values in enumerate(study.points.values, 1):
-            scenario, system, plan = resolved(study, number)
-            if keys:
-                keys = effects.idle(scenario, study.components(scenario), keys)
-            if number == 1:
-                seeded, handovers = seeded_inputs(study, system, labels)
-                free = {f"{name}.seed" for name in seeded} | {c.target for c in handovers}
-            digest = point_digest(study, number, system, plan, free, texts)
-            of_study = tuple(v if isinstance(v, str) else float(v) for v in values)
-            points.append(Point(number, of_study, system, digest))
-            plans.append(plan)
+    with patience(how.step_timeout), unchanged.assumed():
+        labels = tuple(label for label in choice_at_all_points(study).receivers if label != RAW)
+        with _warnings_once(len(study.points.values)):
+            keys: Mapping[effects.Key, str] = dict.fromkeys(effects.given(study.base), "")
+            points, plans, texts = [], [], _Texts()
+            for number, values in enumerate(study.points.values, 1):
+                scenario, system, plan = resolved(study, number)
+                if keys:
+                    keys = effects.idle(scenario, study.components(scenario), keys)
+                if number == 1:
+                    seeded, handovers = seeded_inputs(study, system, labels)
+                    free = {f"{name}.seed" for name in seeded} | {c.target for c in handovers}
+                digest = point_digest(study, number, system, plan, free, texts)
+                of_study = tuple(v if isinstance(v, str) else float(v) for v in values)
+                points.append(Point(number, of_study, system, digest))
+                plans.append(plan)
     for line in no_effect(study.base, keys):  # of keys that have none at any point
         warnings.warn(line, NoEffectWarning, stacklevel=2)
     _check_effects(study, points)
@@ -265,12 +266,17 @@ def resolved_alone(study: Definition, number: int) -> tuple[Scenario, System, Pl
     return scenario, system, plan
 
 
+def choice_at_all_points(study: Definition) -> Choice:
+    """What runs with a study's scenario, which no factor changes."""
+    return alike("choice", id(study), lambda: choice_of(study.base, receivers_of(study)), study)
+
+
 def resolved(study: Definition, number: int) -> tuple[Scenario, System, Plan]:
     """Resolve and check a design point."""
     try:
+        choice = choice_at_all_points(study)
         scenario = study.base.override(study.overrides(number).items())
-        system = connect(scenario, receivers_of(study), raw=False, tell_idle=False)
-        plan = resolve(system)
+        system, plan = joined(scenario, choice, raw=False, tell_idle=False)
         length = plan.stop_ns - plan.start_ns
         if length <= study.settling_ns:
             raise ConfigurationError(
@@ -365,10 +371,10 @@ def digest_of(
     """Hash of everything that affects the responses, except the ``free`` parameters."""
 
     def text(thing: object, made: Callable[[], str], name: str = "") -> str:
-        key = id(thing), name
-        if key not in texts:
-            texts[key] = made()
-        return texts[key]
+        known: str | None = texts.get((id(thing), name))
+        if known is None:
+            known = texts[id(thing), name] = made()
+        return known
 
     components = [
         text(system.components[c.name], partial(_about, c, system.components[c.name], free, texts),
@@ -395,26 +401,32 @@ def _about(
     component: PlannedComponent, spec: ComponentSpec, free: Collection[str], texts: _Texts
 ) -> str:
     """What is hashed of a component."""
-    facts, own = facts_of(spec), f"{component.name}."
-    left_out = {name.removeprefix(own) for name in free if name.startswith(own)}
-    parameters = []
-    for key in alike("sorted", tuple(facts), lambda: sorted(facts)):
-        if key in left_out:
-            continue
-        fact = facts[key]
-        entry = texts.get(fact)
-        if entry is None:
-            entry = f"{_json(key)}: {_json(spec.parameters[key])}"
-            if fact is not None:
-                texts[fact] = entry
-        parameters.append(entry)
+    own = f"{component.name}."
+    like = spec.like or Likeness(spec)
+    known = texts.get((id(like.to), own))
+    if known is None:
+        names = sorted(k for k in like.to.parameters if f"{own}{k}" not in free)
+        known = texts[id(like.to), own] = _entries(like.to, names)
+    parameters = {**known, **_entries(spec, like.but & known.keys())}
     return (
         f'{_json(component.name)}: {{"fmu": {_json(component.sha256 or component.origin)}, '
-        f'"interval_ns": {component.interval_ns}, "parameters": {{{", ".join(parameters)}}}}}'
+        f'"interval_ns": {component.interval_ns}, '
+        f'"parameters": {{{", ".join(parameters.values())}}}}}'
     )
 
 
-_json = json.JSONEncoder(sort_keys=True).encode
+_encode = json.JSONEncoder(sort_keys=True).encode
+_quoted = lru_cache(1024)(_encode)
+
+
+def _entries(spec: ComponentSpec, names: Iterable[str]) -> dict[str, str]:
+    """What is hashed of some parameters, by name."""
+    return {name: f"{_quoted(name)}: {_json(spec.parameters[name])}" for name in names}
+
+
+def _json(value: Any) -> str:
+    # As the encoder writes numbers, of which there are many.
+    return repr(value) if type(value) is float and math.isfinite(value) else _encode(value)
 
 
 def batch(campaign: Campaign, first: int, replicates: int) -> list[Run]:

@@ -14,7 +14,7 @@ from sblcosim.models import COMPONENTS
 
 from ..simulation.masters import lanes_driver, native
 from ..simulation.plans.plan import TICK_PARAMETERS, Plan
-from ..simulation.system import ComponentSpec, System
+from ..simulation.system import ComponentSpec, System, differences
 from .design import Level
 
 Floats = NDArray[np.float64]
@@ -123,12 +123,13 @@ def grouped(
             in_lanes = master == "lanes"
         values = {}
         for name, spec in points[indices[0]].system.components.items():
-            taken = [points[i].system.components[name].parameters for i in indices]
-            distinct = {id(parameters): parameters for parameters in taken}.values()
-            for parameter in spec.parameters:
-                given = [parameters[parameter] for parameters in distinct]
+            taken = [points[i].system.components[name] for i in indices]
+            distinct = {id(it): it for it in taken}.values()
+            differing = differences(distinct)
+            for parameter in [p for p in spec.parameters if p in differing]:
+                given = [it.parameters[parameter] for it in distinct]
                 if given.count(given[0]) < len(given) and f"{name}.{parameter}" not in free:
-                    rows = [parameters[parameter] for parameters in taken]
+                    rows = [it.parameters[parameter] for it in taken]
                     values[f"{name}.{parameter}"] = np.array(rows, np.float64)
         groups.append(Group({p: i for i, p in enumerate(indices)}, plan, values, in_lanes))
     return tuple(groups)

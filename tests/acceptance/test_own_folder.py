@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 import sblcosim
-from sblcosim.comparison.many import run_many
+from sblcosim.comparison.many.run import run_many
 from sblcosim.errors import ConfigurationError
 from sblcosim.fmus.build import factory
 from sblcosim.fmus.host import watch

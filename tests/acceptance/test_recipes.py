@@ -194,7 +194,7 @@ from declarations import columns
 run = sblcosim.run("harbour-square", overrides={"time.duration_s": 20.0})
 print(json.dumps({
     "frame": run.errors["median_m"].to_list(), "html": run._repr_html_(), "text": str(run),
-    "reference": [line for line in columns("errors") if "median_m" in line],
+    "reference": [line for line in columns("sblcosim.judge.columns.ERRORS") if "median_m" in line],
 }))
 """
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import marshal
 import math
 from collections.abc import Iterator, Mapping
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from ..system import ComponentSpec
 from .alike import alike
 from .plan import Setting
 
-_MOST, _LONGEST = 1 << 14, 512
+_LONGEST = 512
 _PLAIN = {bool, int, float}
 
 
@@ -33,18 +34,19 @@ def settings_of(name: str, spec: ComponentSpec, ports: Mapping[str, Port]) -> tu
 
 
 def _made(name: str, spec: ComponentSpec, ports: Mapping[str, Port]) -> tuple[Setting, ...]:
-    # Points of a study share most of them.
-    known: dict[Any, Setting] = alike("settings", id(ports), dict, ports)
-    settings = []
-    for key, fact in facts_of(spec).items():
-        setting = known.get(fact)
-        if setting is None:
-            setting = _setting(name, key, spec.parameters[key], ports)
-            if fact is not None:
-                if len(known) >= _MOST:
-                    known.clear()
-                known[fact] = setting
-        settings.append(setting)
+    if spec.like is not None:
+        to = spec.like.to
+        try:
+            known = settings_of(name, to, ports)
+        except ConfigurationError:
+            pass  # it is not that component's turn to be refused
+        else:
+            places = alike("places", id(to), lambda: dict(zip(to.parameters, count())), to)
+            settings = list(known)
+            for key in sorted(spec.like.but, key=places.__getitem__):
+                settings[places[key]] = _shared(name, key, spec.parameters[key], ports)
+            return tuple(settings)
+    settings = [_setting(name, key, value, ports) for key, value in spec.parameters.items()]
     for key, value in spec.starts.items():
         port = ports.get(key)
         if port is None or port.type not in DTYPES:
@@ -65,6 +67,14 @@ def _made(name: str, spec: ComponentSpec, ports: Mapping[str, Port]) -> tuple[Se
             )
         settings.append(Setting(port, _values(f"{name}.{key}", port, value)))
     return tuple(settings)
+
+
+def _shared(name: str, key: str, value: Any, ports: Mapping[str, Port]) -> Setting:
+    """As `_setting`, which points of a study share."""
+    fact = _fact(key, value)
+    if fact is None:
+        return _setting(name, key, value, ports)
+    return alike("settings", (id(ports), fact), lambda: _setting(name, key, value, ports), ports)
 
 
 def texts_of(
@@ -90,19 +100,13 @@ def facts_of(spec: ComponentSpec) -> Mapping[str, bytes | None]:
 
     None for values that are not plain. Parameters of different names have different facts.
     """
-    return alike("facts", id(spec), lambda: _facts(spec), spec)
-
-
-def _facts(spec: ComponentSpec) -> dict[str, bytes | None]:
-    # Points of a study have most values from the same objects.
-    last: dict[str, tuple[Any, bytes | None]] = alike("last", id(spec.fmu), dict, spec.fmu)
-    facts = {}
-    for key, value in spec.parameters.items():
-        known = last.get(key)
-        if known is None or known[0] is not value:
-            known = last[key] = value, _fact(key, value)
-        facts[key] = known[1]
-    return facts
+    like = spec.like
+    if like is not None:
+        changed = {key: _fact(key, spec.parameters[key]) for key in like.but}
+        return {**facts_of(like.to), **changed}
+    return alike(
+        "facts", id(spec), lambda: {k: _fact(k, v) for k, v in spec.parameters.items()}, spec
+    )
 
 
 def _fact(key: str, value: Any) -> bytes | None:
