@@ -98,6 +98,10 @@ class Columns:
         """The columns that are printed."""
         return tuple(column for column in self.columns if column.heading)
 
+    def head(self, name: str) -> str:
+        """What is printed over a column, by its name."""
+        return next(column.heading for column in self.columns if column.name == name)
+
     def heading(self, column: TableColumn) -> str:
         """What is printed over a column."""
         other = column.unit not in ("", self.unit)

@@ -21,14 +21,14 @@ MOST_ROWS = 60
 """Pairs of levels that a table of the page shows; the file has all."""
 
 
-def parts(study: Study, analysis: GeneralFactorial, folder: Path) -> StudySections:
-    """What is said and drawn of a grid; figures are written into the folder."""
+def parts(study: Study, analysis: GeneralFactorial, drawn: Path | None) -> StudySections:
+    """What is said and drawn of a grid; figures that are drawn already are in a folder."""
     a = analysis.readable
     return StudySections(
         f"Which level is best: {study.name}",
         sentences.answer(a),
         sentences.warnings(a),
-        pictures(FIGURES, a, folder),
+        pictures(FIGURES, a, drawn),
         [*([_medians(a), _means(a)] if a.by_medians else [_means(a), _medians(a)]), _pairs(a),
          _anova(a)],
         [*(Text(line) for line in sentences.notes(a)), Text(DEFINITIONS),

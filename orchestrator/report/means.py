@@ -94,7 +94,7 @@ class Means(Answer):
         shown = self.table.replace({"factor": self.study.labels})
         shown = shown if self.study.factors else shown.drop(columns=["factor", "value"])
         rows = [[x if isinstance(x, str) else f"{x:.4g}" for x in row] for row in shown.to_numpy()]
-        head = [str(name) for name in shown.columns]
+        head = [MEANS.head(str(name)) for name in shown.columns]
         lines = [self.answer, "", *layout.table(rows, width, head, range(1, len(head))),
                  *self.remarks]
         return layout.fitted("\n".join(lines), width)
@@ -169,8 +169,8 @@ FIGURES: Mapping[str, Figure[Means]] = by_name(
 """The figures in the report of a sweep."""
 
 
-def parts(means: Means, folder: Path) -> StudySections:
-    """What is said and drawn of means; figures are written into the folder."""
+def parts(means: Means, drawn: Path | None) -> StudySections:
+    """What is said and drawn of means; figures that are drawn already are in a folder."""
     study, unit = means.study, means.unit
     own = f" [{unit}]" if unit else ""
     rows = [
@@ -183,7 +183,7 @@ def parts(means: Means, folder: Path) -> StudySections:
     title = f"{means.quantity[0].upper()}{means.quantity[1:]}"
     return StudySections(
         means.title, means.answer, (),
-        pictures(FIGURES, means, folder),
+        pictures(FIGURES, means, drawn),
         [PageTable(title, head, rows, (), _shared(study))],
         _method(study), means.runs,
         "Means at each level" if study.factors else "Mean",

@@ -40,12 +40,15 @@ class StudySections:
 
 
 def pictures(
-    figures: Mapping[str, Figure[Subject]], subject: Subject, folder: Path
+    figures: Mapping[str, Figure[Subject]], subject: Subject, folder: Path | None
 ) -> list[PagePicture]:
-    """The figures of a subject for a page: as they are in the folder, or drawn for it alone."""
+    """The figures of a subject for a page: as they are in a folder, or drawn for it alone.
+
+    They are of the light theme, which a page can turn dark.
+    """
     found = []
     for job in jobs(figures, subject):
-        figure, file = figures[job.name], folder / f"{job.name}.svg"
-        svg = file.read_text("utf-8") if file.exists() else job.svg()
+        figure, file = figures[job.name], folder and folder / f"{job.name}.svg"
+        svg = file.read_text("utf-8") if file and file.exists() else job.svg()
         found.append(PagePicture(job.name, svg, figure.caption(subject), figure.alt(subject)))
     return found

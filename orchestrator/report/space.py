@@ -109,14 +109,14 @@ FIGURES: Mapping[str, Figure[Indices]] = by_name(*_figures(0, ""), *_figures(1, 
 """The figures of a space."""
 
 
-def parts(indices: Indices, folder: Path) -> StudySections:
-    """What is said and drawn of a space; figures are written into the folder."""
+def parts(indices: Indices, drawn: Path | None) -> StudySections:
+    """What is said and drawn of a space; figures that are drawn already are in a folder."""
     study, main = indices.study, indices.main
     return StudySections(
         f"What explains the error: {study.name}",
         main.answer,
         indices.remarks,
-        pictures(FIGURES, indices, folder),
+        pictures(FIGURES, indices, drawn),
         [_table(one) for one in indices.of],
         [Text(METHOD), *([] if study.model else [Text(DEFINITIONS)]), factor_table(study)],
         main.runs,

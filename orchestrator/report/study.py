@@ -79,11 +79,8 @@ class Analysis(Extended):
         return {**_BLANK, **self.found.to_json()}
 
     def manifest(self) -> dict[str, Any]:
-        """What was analysed."""
-        if isinstance(self.found, Findings):
-            return self.found.manifest()
-        about = {"response": self.source.column, "factors": list(self.source.study.factors)}
-        return {"analysis": about}
+        """What was analysed, of which study."""
+        return {"analysis": {**self.found.manifest()["analysis"], "study": self.source.study.name}}
 
     def write(
         self, folder: Path, theme: ThemeName = "light", figures: bool = True
@@ -91,14 +88,15 @@ class Analysis(Extended):
         """With the page."""
         super().write(folder, theme, figures)
         found, source = self.found, self.source
+        drawn = folder if theme == "light" else None
         if isinstance(found, Findings):
-            page = _factorial_page(found, folder, source)
+            page = _factorial_page(found, drawn, source)
         elif isinstance(found, GeneralFactorial):
-            page = _page(levels.parts(source.study, found, folder), source)
+            page = _page(levels.parts(source.study, found, drawn), source)
         elif isinstance(found, Indices):
-            page = _page(space.parts(found, folder), source)
+            page = _page(space.parts(found, drawn), source)
         else:
-            page = _page(means.parts(found, folder), source)
+            page = _page(means.parts(found, drawn), source)
         (folder / REPORT).write_text(render(page), "utf-8")
 
 
@@ -301,7 +299,7 @@ def _lead(study: Study, runs: int, failed: int) -> str:
     return f"{text}; {failed} of them failed." if failed else f"{text}."
 
 
-def _factorial_page(findings: Findings, folder: Path, source: StudiedRuns) -> Page:
+def _factorial_page(findings: Findings, drawn: Path | None, source: StudiedRuns) -> Page:
     study, a = findings.study, findings.shown
     how: list[Block] = [
         Text(method(a)), Text(DEFINITIONS),
@@ -314,7 +312,7 @@ def _factorial_page(findings: Findings, folder: Path, source: StudiedRuns) -> Pa
         _lead(study, a.runs, source.failed),
         [
             Section("Summary", "summary", factorial.summary(findings)),
-            _figures(pictures(FIGURES, findings, folder)),
+            _figures(pictures(FIGURES, findings, drawn)),
             _tables(source, Section("Effects and model", "effects", factorial.tables(findings))),
             Section("Method", "method", how, folded=True),
             source.again,

@@ -13,20 +13,22 @@ from .. import artifacts
 from ..report.common import as_toml
 from ..report.page import Block, Code, Page, PagePicture, PageTable, Section, Text, render
 from ..report.parts import pictures
+from ..style import ThemeName
 from ..words.numbers import bounds, figure
 from ..words.shares import percent
 from .question import shipped
 from .result import FIGURES, REPORT, SCENARIO, Requirement
 
 
-def write(answer: Requirement, folder: Path) -> None:
+def write(answer: Requirement, folder: Path, theme: ThemeName = "light") -> None:
     """Write the page, and the scenario of the design that surely suffices, into a folder.
 
-    The figures are there already.
+    The figures are there already; those of another theme are drawn again for the page.
     """
     if answer.chosen is not None:
         (folder / SCENARIO).write_text(_scenario(answer, folder), "utf-8")
-    (folder / REPORT).write_text(render(_page(answer, folder)), "utf-8")
+    page = _page(answer, folder if theme == "light" else None)
+    (folder / REPORT).write_text(render(page), "utf-8")
 
 
 def _scenario(answer: Requirement, folder: Path | None) -> str:
@@ -39,10 +41,10 @@ def _scenario(answer: Requirement, folder: Path | None) -> str:
     return "\n".join([*lines, "", answer.scenario.dump_toml(folder)])
 
 
-def _page(answer: Requirement, folder: Path) -> Page:
+def _page(answer: Requirement, drawn_in: Path | None) -> Page:
     q, study = answer.question, answer.question.study
     first, *rest = answer.sentences()
-    drawn = pictures(FIGURES, answer, folder)
+    drawn = pictures(FIGURES, answer, drawn_in)
     summary: list[Block] = [Text(first, "answer"), *map(Text, rest)]
     met = len(q.conditions)
     return Page(

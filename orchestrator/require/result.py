@@ -173,14 +173,20 @@ class Requirement(Answer):
 
     def manifest(self) -> dict[str, Any]:
         """The question."""
-        return {"question": self.question.terms.model_dump() | {"name": self.question.study.name}}
+        asked = self.question
+        return {
+            "question": asked.terms.model_dump() | {
+                "name": asked.study.name, "until_sure": self.until_sure,
+                "tables": artifacts.plain(asked.tables),
+            }
+        }  # fmt: skip
 
     def write(
         self, folder: Path, theme: ThemeName = "light", figures: bool = True
     ) -> None:
         """With the page, and the scenario of the design that surely suffices."""
         super().write(folder, theme, figures)
-        reports.write(self, folder)
+        reports.write(self, folder, theme)
 
     @property
     def answer(self) -> str:
@@ -449,8 +455,9 @@ class Requirement(Answer):
         letters = self.letters
         head = [
             " · ".join(study.labels[name] for name in study.factors),
-            "verdict", f"{percent(q.terms.share)} within{unit}",
-            *(["cost"] if q.costs else []), "within", "surely", "runs",
+            DESIGNS.head("verdict"), f"{percent(q.terms.share)} within{unit}",
+            *([DESIGNS.head("cost")] if q.costs else []), "within", "surely",
+            DESIGNS.head("runs"),
         ]  # fmt: skip
         rows = [
             [

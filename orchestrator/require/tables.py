@@ -11,7 +11,7 @@ DESIGNS = Columns(
     "A design of a question, in the condition that is worst for it.",
     (),
     (
-        TableColumn("cost", "Sum of the costs of its levels.", type=float),
+        TableColumn("cost", "Sum of the costs of its levels.", heading="cost", type=float),
         TableColumn("verdict", "It surely suffices, it surely does not, or neither is sure.",
                     heading="verdict", type=Literal["suffices", "fails", "undecided"]),
         TableColumn("condition", "Empty if there is one only.", type=str),

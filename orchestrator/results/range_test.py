@@ -9,10 +9,10 @@ RANGE_TEST = Columns(
     "The ranges of one distance.",
     (),
     (
-        TableColumn("distance_m", "True distance.", "m", "distance_m", type=float),
-        TableColumn("pings", "Number of ranges.", heading="pings", type=int),
-        TableColumn("mean_m", "Of the ranges.", "m", "mean_m", type=float),
-        TableColumn("std_m", "Of the ranges.", "m", "std_m", type=float),
-        TableColumn("error_m", "Mean minus distance.", "m", "error_m", type=float),
+        TableColumn("distance_m", "True distance.", "m", type=float),
+        TableColumn("pings", "Number of ranges.", type=int),
+        TableColumn("mean_m", "Of the ranges.", "m", type=float),
+        TableColumn("std_m", "Of the ranges.", "m", type=float),
+        TableColumn("error_m", "Mean minus distance.", "m", type=float),
     ),
 )

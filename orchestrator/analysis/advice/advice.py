@@ -211,6 +211,7 @@ class Advice(Answer, Criterion):
             "advice": {
                 "response": self.response, "limit": self.limit, "percentile": self.percentile,
                 "contamination": self.contamination, "confidence": self.confidence,
+                "factors": list(self.factors), "costs": self.points["cost"].tolist(),
             }
         }  # fmt: skip
 
@@ -348,12 +349,9 @@ class Advice(Answer, Criterion):
         idle = ["front", *(["meets"] if self.limit is None else [])]
         if self.percentile is not None:
             idle += ["lost_upper"] if self.points["lost"].any() else ["lost", "lost_upper"]
-        return shown.drop(columns=idle).rename(
-            columns={
-                "estimate": f"{statistic}{unit}", "upper": f"upper bound{unit}",
-                "lost_upper": "share lost, at most",
-            }
-        )
+        heads = {column.name: column.heading for column in POINTS.printed}
+        own = {"estimate": f"{statistic}{unit}", "upper": f"{heads['upper']}{unit}"}
+        return shown.drop(columns=idle).rename(columns=heads | own)
 
     def _gist(self) -> str:
         points = f"on {len(self.points)} points by cost and {self.statistic}"

@@ -15,7 +15,7 @@ POINTS = Columns(
                     type=int),
         TableColumn("lost_upper", "Bound of the share of lost runs.",
                     heading="share lost, at most"),
-        TableColumn("estimate", "Of the percentile, or of the mean.", heading="estimate"),
+        TableColumn("estimate", "Of the percentile, or of the mean."),
         TableColumn("upper", "Its bound; null where there is none.", heading="upper bound"),
         TableColumn("front", "No other point is cheaper and better.", type=bool),
         TableColumn("meets", "Whether it surely meets the limit.", heading="meets", type=bool),

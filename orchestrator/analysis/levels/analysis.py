@@ -263,8 +263,14 @@ class GeneralFactorial(Answer):
         return plain
 
     def manifest(self) -> dict[str, Any]:
-        """What was analysed."""
-        return {"analysis": {"response": self.response, "factors": list(self.factors)}}
+        """What was analysed, and how."""
+        return {
+            "analysis": {
+                "response": self.response, "factors": list(self.factors),
+                "transform": self.transform, "order": max(map(len, self.terms)),
+                "practical": self.practical,
+            }
+        }  # fmt: skip
 
     @property
     def readable(self) -> Self:

@@ -229,7 +229,12 @@ class Sensitivity(Answer):
 
     def manifest(self) -> dict[str, Any]:
         """What was analysed."""
-        return {"analysis": {"response": self.response, "factors": list(self.indices.index)}}
+        return {
+            "analysis": {
+                "response": self.response, "factors": list(self.indices.index),
+                "transform": self.transform,
+            }
+        }  # fmt: skip
 
     def text(self, *, verbose: bool = False, width: int | None = None) -> str:
         """The indices in words: the answer, the table, and the notes.

@@ -234,12 +234,12 @@ class Factorial(Answer):
 
     def to_json(self) -> dict[str, Any]:
         """The effects, the largest first, as plain data."""
-        effects = self.ranked().drop(columns=["coefficient"]).rename_axis("term")
+        effects = self.ranked().rename_axis("term").reset_index()
         plain: dict[str, Any] = artifacts.plain({
             "response": self.response, "unit": self.unit, "answer": self.answer,
             "transform": self.transform, "method": self.method, "confidence": self.confidence,
             "runs": self.runs, "dropped": self.dropped, "r2": self.r2,
-            "effects": effects.reset_index().to_dict(orient="records"), "notes": self.remarks,
+            "effects": EFFECTS.rows(effects), "notes": self.remarks,
         })  # fmt: skip
         return plain
 
@@ -248,7 +248,8 @@ class Factorial(Answer):
         return {
             "analysis": {
                 "response": self.response, "factors": list(self.factors),
-                "method": self.method, "error": self.error,
+                "method": self.method, "error": self.error, "transform": self.transform,
+                "order": int(self.effects["order"].max()), "practical": self.practical,
             }
         }
 

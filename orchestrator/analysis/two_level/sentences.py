@@ -15,6 +15,7 @@ from ..common.model import MAX_LISTED
 from ..common.sentences import left_out
 from .analysis import Factorial
 from .ranking import tied_groups
+from .tables import EFFECTS
 
 
 def summary(
@@ -47,7 +48,7 @@ def summary(
         answer(analysis),
         "",
         f"Effects on {analysis.quantity}, {percent(analysis.confidence, '.4g')} intervals:",
-        *table(rows, width, ("", *columns), range(1, len(columns) + 1)),
+        *table(rows, width, ("", *map(EFFECTS.head, columns)), range(1, len(columns) + 1)),
         *([f"and {rest} smaller"] if rest else []),
         *(["undecided: the interval reaches to both sides of what matters; more runs decide"]
           if "verdict" in shown and (shown["verdict"] == "undecided").any() else []),

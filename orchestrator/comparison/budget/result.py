@@ -212,10 +212,13 @@ class Budget(Answer):
     def _rows(self, frame: str, width: int | None) -> Iterator[str]:
         done = "better" if self.better else "off"
         interval = percent(CONFIDENCE, ".0f")
-        head = [done, "share", interval, f"RMS {done}", "alone", "RMS alone"]
+        head = [
+            done, ROWS.head("share"), interval, f"{ROWS.head('rms_m')} {done}",
+            ROWS.head("alone_share"), ROWS.head("alone_rms_m"),
+        ]  # fmt: skip
         bound = not np.isnan(self.of(frame)["bound_rms_m"]).all()
         if bound:
-            head += [self.bound_kind, f"its RMS {done}"]
+            head += [self.bound_kind, f"its {ROWS.head('bound_rms_m')} {done}"]
         body = []
         for name, row in self.of(frame).iterrows():
             cells = [
@@ -288,7 +291,6 @@ class Budget(Answer):
 
     def to_json(self) -> dict[str, Any]:
         """Everything but the scenario as plain data."""
-        rows = self.table.to_dict(orient="records")
         plain: dict[str, Any] = artifacts.plain(
             {
                 "scenario": self.scenario, "receiver": self.receiver,
@@ -298,7 +300,7 @@ class Budget(Answer):
                 "bound_runs": self.bound_runs, "bound_kind": self.bound_kind or None,
                 "acceleration_psd_m2_s3": self.acceleration_psd,
                 "fixed": self.fixed, "unchanged": self.unchanged, "given": self.given,
-                "rows": rows,
+                "rows": ROWS.rows(self.table),
             }
         )
         return plain

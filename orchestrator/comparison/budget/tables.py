@@ -17,7 +17,7 @@ ROWS = Columns(
         TableColumn("kind", "Nothing switched, one source, several, all of them, or what does not "
                     "add up.", type=Literal["all", "source", "together", "rest", "remainder"]),
         TableColumn("rms_m", "Without the source, or with better equipment; of the kind all, as it "
-                    "is.", "m"),
+                    "is.", "m", "RMS"),
         TableColumn("share", "Part of the mean square that goes with it; negative where the error "
                     "grows.", heading="share"),
         TableColumn("share_low", "Of the 95 % interval."),
@@ -28,7 +28,7 @@ ROWS = Columns(
         TableColumn("alone_low", "Of the 95 % interval."),
         TableColumn("alone_high", "Of the 95 % interval."),
         TableColumn("bound_rms_m", "The same of what is possible; null where there is no "
-                    "accuracy.", "m"),
+                    "accuracy.", "m", "RMS"),
         TableColumn("bound_share", "The share of what is possible."),
         TableColumn("bound_alone_rms_m", "What is possible with all others switched.", "m"),
         TableColumn("bound_alone_share", "What the source adds to it."),

@@ -166,7 +166,7 @@ class Many(Answer):
             "runs": self.runs.settings["runs"],
             "seed": self.runs.settings["seed"],
             "receivers": self.receivers,
-            "levels": self.runs.levels.to_dict(orient="records"),
+            "levels": LEVELS.rows(self.runs.levels),
             "drawn": {
                 which: {"seed": seed, "rms_m": self.rms_m(which)}
                 for which, seed in self.drawn_seeds.items()

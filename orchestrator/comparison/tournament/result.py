@@ -147,8 +147,8 @@ class Tournament(Answer):
                 "receivers": self.receivers,
                 **settings,
                 "unit": unit_of(self.response),
-                "levels": self.levels.to_dict(orient="records"),
-                "differences": self.differences.to_dict(orient="records"),
+                "levels": LEVELS.rows(self.levels),
+                "differences": DIFFERENCES.rows(self.differences),
                 "update_s": self.update_s,
             }
         )

@@ -6,6 +6,7 @@ import importlib
 import json
 import pkgutil
 import re
+from collections import Counter
 from collections.abc import Callable
 from functools import cache
 from html import escape
@@ -21,6 +22,7 @@ from sblcosim.answer import Answer, Extended
 from sblcosim.calibrate import calibrate
 from sblcosim.cli.documents.by_command import DOCUMENTS, document
 from sblcosim.data.tables import Columns
+from sblcosim.errors import ConfigurationError
 from sblcosim.estimation.after import smooth
 from sblcosim.report.study import analysed
 from sblcosim.study import load, table
@@ -183,6 +185,42 @@ def test_an_answer_has_its_one_form(kind: str, here: Path, tmp_path: Path) -> No
         told = document(found, folder)
         assert isinstance(told, DOCUMENTS[found.document])
         assert json.loads(told.text())["folder"] == str(folder)
+
+
+@pytest.mark.parametrize("kind", ["require", "analyse full", "analyse grid", "analyse sweep"])
+def test_a_page_is_light_whatever_the_theme_of_the_files(
+    kind: str, here: Path, tmp_path: Path
+) -> None:
+    folders = [made(kind, here).save(tmp_path / it, theme=it) for it in ("light", "dark")]
+    pages = [(folder / "report.html").read_text("utf-8") for folder in folders]
+    light, dark = (re.findall(r"(?:stroke|fill): ?[^;\"]+", page) for page in pages)
+    assert Counter(light) == Counter(dark)
+    assert "var(--ink)" in pages[1]
+    for path in folders[0].glob("*.svg"):
+        assert path.read_bytes() != (folders[1] / path.name).read_bytes()
+
+
+def test_another_question_is_another_answer(here: Path, tmp_path: Path) -> None:
+    folder = full(here)
+    asked: list[Any] = [
+        analysis.of_study(folder, **options)
+        for options in ({}, {"transform": "log"}, {"order": 1}, {"practical": 0.3},
+                        {"response": "absolute_total_p95_m"})
+    ]  # fmt: skip
+    levels = [
+        workflow.of_grid(load_of(grid(here)), table(grid(here)), **options)
+        for options in ({}, {"transform": "log"}, {"order": 1}, {"practical": 0.3})
+    ]  # fmt: skip
+    advice = [
+        analysis.advice_on_study(full(here), {"gps": [100, cost]}, limit=50.0, percentile=p)
+        for cost, p in ((10, 50.0), (20, 50.0), (10, 60.0))
+    ]
+    for several in (asked, levels, advice):
+        several[0].save(tmp_path / "one", other="replace")
+        for other in several[1:]:
+            with pytest.raises(ConfigurationError, match="got that of another"):
+                other.save(tmp_path / "one")
+        assert len({json.dumps(it.manifest()) for it in several}) == len(several)
 
 
 @pytest.mark.parametrize("kind", KINDS)
