@@ -40,12 +40,16 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_wheel_has_every_module_and_data_file(wheel: Path) -> None:
+    """But READMEs for maintainers, which are pages about the project."""
     packed = {PurePosixPath(name) for name in zipfile.ZipFile(wheel).namelist()}
-    missing = []
+    missing, pages = [], ROOT / "docs" / "project"
+    assert (pages / "fmus" / "README.md").is_file()
     for folder, package in FOLDERS.items():
         for path in sorted((ROOT / folder).rglob("*")):
             inside = package / PurePosixPath(path.relative_to(ROOT / folder).as_posix())
-            if path.is_file() and path.suffix not in NOT_SHIPPED and inside not in packed:
+            if (pages / path.relative_to(ROOT)).is_file():
+                assert inside not in packed
+            elif path.is_file() and path.suffix not in NOT_SHIPPED and inside not in packed:
                 missing.append(str(inside))
     assert not missing
 
