@@ -218,6 +218,7 @@ ELSEWHERE = {
     "comparison.many.result.Many.write theme": "answer.Answer.save",
     "report.study.Analysis.write theme": "answer.Answer.save",
     "require.result.Requirement.write theme": "answer.Answer.save",
+    "require.report.write theme": "answer.Answer.save",
     "estimation.after.Smoothed.save theme": "results.result.Result.save",
     "packages.recording.Recording.save theme": "results.result.Result.save",
     "packages.recording.Recording.save other": "results.result.Result.save",
