@@ -54,7 +54,7 @@ def environment(folder: Path, resolution: str, interpreter: str) -> tuple[Path, 
     python = place / bin_.name / "python"
     subprocess.run(
         [uv, "pip", "install", "--quiet", "--python", str(python), "--resolution", resolution,
-         ".[test]"],
+         ".[docs,examples,test]"],
         cwd=tree, check=True,
     )  # fmt: skip
     return tree, python

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
-
-from sblcosim.models.platform import beaufort, gps
 
 from ..errors import ConfigurationError, nearest
 from ..words.lists import listed
@@ -20,12 +18,21 @@ class KnownNumber:
     ----------
     key
         Of a scenario, with its table.
-    text
-        What to ask, with the unit.
+    asks
+        What to ask, with the unit; ``{}`` stands for its choices.
+    choices
+        What there is to choose from; not looked up before it is asked, as commands wait for it.
     """
 
     key: str
-    text: str
+    asks: str
+    choices: Callable[[], str] = str
+
+    @property
+    def text(self) -> str:
+        """What to ask, with the unit."""
+        choices = self.choices()
+        return self.asks.format(choices) if choices else self.asks
 
 
 @dataclass(frozen=True)
@@ -45,14 +52,24 @@ class Like:
     questions: tuple[KnownNumber, ...]
 
 
+def _grades() -> str:
+    from sblcosim.models.platform.gps import GRADES
+
+    return listed([*GRADES], "or")
+
+
+def _levels() -> str:
+    from sblcosim.models.platform.beaufort import LEVELS
+
+    return f"{min(LEVELS)} to {max(LEVELS)}"
+
+
 _ARM = KnownNumber("platform.arm_length_m", "Length of its arms [m]")
 _BEACONS = "Where the {} are: forward, right and down of {} [m], as [[x, y, z], ...]"
 _PING = KnownNumber("time.sampling_time_s", "Time from ping to ping [s]")
 _SPEED = KnownNumber("target.speed_m_s", "How fast the diver swims [m/s]")
-_GPS = KnownNumber("platform.gps_grade", f"The GPS: {listed([*gps.GRADES], 'or')}")
-_SEA = KnownNumber(
-    "platform.beaufort", f"The sea [Beaufort, {min(beaufort.LEVELS)} to {max(beaufort.LEVELS)}]"
-)
+_GPS = KnownNumber("platform.gps_grade", "The GPS: {}", _grades)
+_SEA = KnownNumber("platform.beaufort", "The sea [Beaufort, {}]", _levels)
 _BOAT: Mapping[str, Any] = {
     "title": "Four receivers off a boat",
     "time": {"sampling_time_s": 0.5},
