@@ -23,3 +23,8 @@ class _Casadi:
 
 
 ca: Any = _Casadi()
+
+
+def absolute(value: Any) -> Any:
+    """The absolute value of a number, an array or a symbol; `abs` takes symbols from 3.8 on."""
+    return value.fabs() if hasattr(value, "fabs") else abs(value)

@@ -14,10 +14,7 @@ from .data.truth import of_record
 from .errors import ConfigurationError, instance, shortened
 from .judge.definitions import Judged
 from .judge.metrics import intact
-from .packages import read as packages
-from .packages.read import is_package
-from .packages.recording import Recording
-from .prepare.package import of_package
+from .packages import is_package
 from .prepare.prepared import Prepared
 from .prepare.scenario import of_scenario
 from .results.result import Result
@@ -97,7 +94,11 @@ def run(
     how = How(master, step_timeout, progress=progress)
     if is_package(scenario):
         _refuse_choices(receiver=receiver, overrides=overrides, fmi=fmi, components=components)
-        with packages.opened(cast(str | Path, scenario)) as package:
+        # Runs of scenarios do not wait for what reads packages.
+        from .packages.read import opened
+        from .prepare.package import of_package
+
+        with opened(cast(str | Path, scenario)) as package:
             return _carried_out(of_package(package), how, before, package.said)
     settled = load(scenario, overrides)
     with unchanged.assumed():
@@ -156,6 +157,8 @@ def _carried_out(
     outcome = survive(prepared.system, prepared.may_fail, executed, plan)
     failures = {name: said(message) for name, message in outcome.failures.items()}
     if not description.receivers:
+        from .packages.recording import Recording
+
         return Recording(description, outcome.record, None, failures)
     return Result(
         description, outcome.record, prepared.update_interval_ns, failures, judged=judged

@@ -12,6 +12,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from ..symbols import absolute
+
 POSITION, VELOCITY = (0, 1, 2), (3, 4, 5)
 """x [m] and v [m/s] of the diver, NED."""
 PLATFORM, PLATFORM_VELOCITY, GPS_ERROR = (6, 7), (8, 9), (10, 11)
@@ -208,7 +210,7 @@ def crescent(m: Any, radius: Any, spread: Any, depth: Any) -> tuple[Any, Any, An
 
 def sounding_variance(std: Any) -> Any:
     """Variance of a range or of a depth of a standard deviation, or of the least one [m²]."""
-    return (0.5 * (std + LEAST_SOUNDING_STD + abs(std - LEAST_SOUNDING_STD))) ** 2
+    return (0.5 * (std + LEAST_SOUNDING_STD + absolute(std - LEAST_SOUNDING_STD))) ** 2
 
 
 def depth(p: Any, x: Sequence[Any]) -> Measurement:

@@ -11,6 +11,7 @@ from typing import Any
 
 from ..acoustics.contents import PLACED
 from ..acoustics.schedules import SCHEDULES
+from ..symbols import absolute
 from .beacons import beacons_of
 from .either import both, degrees, greatest, hypot, ratio, sqrt, symbolic, where
 from .keys import OF_RECEIVERS, start_of, within
@@ -159,7 +160,7 @@ def assumed(
         **_known("outlier_mean_m", outliers, acoustics.outlier_mean_m),
         "assumed_sound_speed_m_s": speed,
         **clock(acoustics),
-        "sound_speed_std": abs(speed / acoustics.sound_speed_m_s - 1),
+        "sound_speed_std": absolute(speed / acoustics.sound_speed_m_s - 1),
         "depth_bias_std_m": hypot(target.depth_bias_m, target.depth_bias_std_m),
         **_of_each_beacon(platform, acoustics),
     }

@@ -71,11 +71,6 @@ class Package:
         return said if str(self.path) in said else f"{self.path}: {said}"
 
 
-def is_package(source: object) -> bool:
-    """Whether something is the path of an SSP package, by its name."""
-    return isinstance(source, str | Path) and str(source).lower().endswith(".ssp")
-
-
 @contextmanager
 def opened(source: str | Path) -> Iterator[Package]:
     """A package, unpacked while the statement lasts.

@@ -144,7 +144,7 @@ def _settled(
     seed: int | None,
 ) -> tuple[Any, str]:
     """What is simulated, a scenario or the path of a package, and its name."""
-    from ...packages.read import is_package
+    from ...packages import is_package
     from ...scenario.scenario import load
 
     if not is_package(scenario):
@@ -221,8 +221,8 @@ def plan(
     """
     drawn = ""
     with waiting():
-        from ...packages import drawing, picture
-        from ...packages.read import is_package, opened
+        from ...packages import drawing, is_package, picture
+        from ...packages.read import opened
         from ...scenario.wiring import connect
         from ...simulation.plans.checks import check_size
         from ...simulation.resolve import resolve

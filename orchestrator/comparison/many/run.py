@@ -12,7 +12,7 @@ from sblcosim.fmus.stopping import interruptible
 
 from ... import api
 from ...errors import ConfigurationError
-from ...packages.read import is_package
+from ...packages import is_package
 from ...scenario.files import naming_files
 from ...scenario.scenario import Receivers, Scenario, load
 from ...simulation.children.process import patient
