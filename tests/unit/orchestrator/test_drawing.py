@@ -243,7 +243,8 @@ def test_neither_process_waits_for_what_it_does_not_need() -> None:
     """Matplotlib is for the one that draws, scenarios are for the one that simulates."""
     needless = (
         ("api", "matplotlib"), ("api", "scipy.optimize"), ("api", "scipy.special"),
-        ("api", "gpxpy"), ("results.figures.run", "sblcosim.scenario.schema"),
+        ("api", "gpxpy"), ("api", "sblcosim.packages.read"),
+        ("results.figures.run", "sblcosim.scenario.schema"),
     )
     for module, foreign in needless:
         code = f"import sys, sblcosim.{module}; print({foreign!r} in sys.modules)"
