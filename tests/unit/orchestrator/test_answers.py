@@ -8,10 +8,12 @@ import pkgutil
 import re
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from html import escape
 from pathlib import Path
 from typing import Any
+from unittest.mock import MagicMock
 
 import pandas as pd
 import pytest
@@ -179,7 +181,7 @@ def test_an_answer_has_its_one_form(kind: str, here: Path, tmp_path: Path) -> No
     assert (found.report in files) == bool(found.report)
     assert json.loads((folder / "manifest.json").read_text("utf-8"))
     assert found.save(tmp_path / "it", figures=False) == folder  # of the same question
-    assert found.report or not [*folder.glob("*.svg")]
+    assert found.report or not [*folder.rglob("*.svg")]
     json.dumps(found.to_json(), allow_nan=False)
     if found.document:
         told = document(found, folder)
@@ -198,6 +200,38 @@ def test_a_page_is_light_whatever_the_theme_of_the_files(
     assert "var(--ink)" in pages[1]
     for path in folders[0].glob("*.svg"):
         assert path.read_bytes() != (folders[1] / path.name).read_bytes()
+
+
+def test_both_answers_of_advice_have_the_labels_of_the_study(here: Path) -> None:
+    found = costs(here)
+    told = found.to_json()
+    assert "RMS total error" in told["answer"]
+    assert "RMS total error" in told["beside"]["answer"]
+    assert "absolute_total_rms_m" not in told["beside"]["answer"]
+
+
+def test_a_scenario_is_named_where_it_is_written(here: Path, tmp_path: Path) -> None:
+    for chosen in (0, None):
+        found = replace(made("require", here), chosen=chosen)
+        folder = found.save(tmp_path / str(chosen))
+        written = folder / "scenario.toml"
+        assert written.is_file() == (chosen is not None)
+        assert found.located(folder)["scenario"] == (str(written) if written.is_file() else None)
+
+
+def test_an_answer_that_says_more_is_otherwise_the_other() -> None:
+    other: Any = MagicMock()
+
+    class More(Extended):
+        main = other
+
+    more: Any = More()
+    for name in ("columns", "title", "answer", "tables", "figures", "remarks", "problems"):
+        assert getattr(more, name) is getattr(other, name)
+    assert more.text(verbose=True, width=7) is other.text.return_value
+    other.text.assert_called_once_with(verbose=True, width=7)
+    assert more.to_json() is other.to_json.return_value
+    assert more.manifest() is other.manifest.return_value
 
 
 def test_another_question_is_another_answer(here: Path, tmp_path: Path) -> None:
