@@ -162,6 +162,7 @@ def _imports(module: str) -> tuple[Import, ...]:
     )
 
 
+@cache
 def _is_there(module: str) -> bool:
     return _file(module).is_file() or bool(_found(module))
 
@@ -170,7 +171,7 @@ def _is_there(module: str) -> bool:
 def _found(package: str) -> tuple[Import, ...]:
     """The modules of a folder inside a component's: they are found, no list names them."""
     component, _, inner = package.removeprefix(f"{_MODELS}.").partition(".")
-    folder = resources.files(_MODELS).joinpath(component, *inner.split("."))
+    folder = _root(_MODELS).joinpath(component, *inner.split("."))
     if not package.startswith(f"{_MODELS}.") or not inner or not folder.is_dir():
         return ()
     names = sorted(file.name for file in folder.iterdir())
@@ -208,5 +209,10 @@ def _file(module: str) -> Traversable:
     for package in (_MODELS, _FMUS):
         if module.startswith(f"{package}."):
             *folders, name = module.removeprefix(f"{package}.").split(".")
-            return resources.files(package).joinpath(*folders, f"{name}.py")
+            return _root(package).joinpath(*folders, f"{name}.py")
     raise ValueError(f"{module}: must be a module of {_MODELS} or {_FMUS}")
+
+
+@cache
+def _root(package: str) -> Traversable:
+    return resources.files(package)

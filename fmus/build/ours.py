@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from pathlib import Path
 
 from sblcosim.models import COMPONENTS
 
@@ -10,22 +12,29 @@ from ..files import intact, sha256_of
 from . import factory
 
 
-def is_build(identifier: str, sha256: str) -> bool:
-    """Whether a file is among the FMUs that came along or are cached, built of equations.
+def is_build(path: Path, identifier: str, sha256: str) -> bool:
+    """Whether an FMU is among those that came along or are cached, built of equations.
 
     Parameters
     ----------
+    path
+        Of the FMU; one that is a copy is looked for by its content.
     identifier
         Of its model.
     sha256
         Of its content.
     """
-    of_ours = (
-        path
-        for name, component in COMPONENTS.items()
-        if re.fullmatch(rf"{component.name}\d*", identifier)
-        for folder in (factory.READY, factory.cache())
-        for path in folder.glob(f"*/{name}{identifier.removeprefix(component.name)}.fmu")
+    return any(
+        intact(built) and sha256_of(built) == sha256 for built in _candidates(path, identifier)
     )
-    of_users = factory.cache().glob(f"{factory.USERS}*/*.fmu")
-    return any(intact(path) and sha256_of(path) == sha256 for path in (*of_ours, *of_users))
+
+
+def _candidates(path: Path, identifier: str) -> Iterator[Path]:
+    folders = factory.READY, factory.cache()
+    if path.parent.parent in folders:  # a cache may hold a thousand: what was built is seen at once
+        yield path
+    for name, component in COMPONENTS.items():
+        if re.fullmatch(rf"{component.name}\d*", identifier):
+            for folder in folders:
+                yield from folder.glob(f"*/{name}{identifier.removeprefix(component.name)}.fmu")
+    yield from factory.cache().glob(f"{factory.USERS}*/*.fmu")

@@ -25,7 +25,7 @@ _OURS: dict[str, bool] = {}
 def ours(fmu: Fmu) -> bool:
     """Whether an FMU is one that this project has built; nothing in it is run to find out."""
     if fmu.sha256 not in _OURS:
-        _OURS[fmu.sha256] = is_build(fmu.identifier, fmu.sha256)
+        _OURS[fmu.sha256] = is_build(fmu.path, fmu.identifier, fmu.sha256)
     return _OURS[fmu.sha256]
 
 

@@ -206,13 +206,11 @@ SOURCES: Mapping[str, Source] = {
 }
 """By name."""
 
+_UNMODELLED = {key for s in SOURCES.values() for part in s.parts for key in part.unmodelled}
 UNMODELLED: Sequence[str] = tuple(
-    f"{table}.{v.key}"
+    key
     for table in ("target", "platform", "acoustics")
-    for v in COMPONENTS[table].of("parameter")
-    if any(
-        f"{table}.{v.key}" in part.unmodelled
-        for source in SOURCES.values() for part in source.parts
-    )
+    for key in (f"{table}.{v.key}" for v in COMPONENTS[table].of("parameter"))
+    if key in _UNMODELLED
 )
 """Keys of errors of which the bound knows nothing, in the order of their declarations."""
