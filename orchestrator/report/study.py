@@ -321,12 +321,12 @@ def _factorial_page(findings: Findings, drawn: Path | None, source: StudiedRuns)
     )
 
 
-def _figures(pictures: Sequence[PagePicture], seen: int = 2) -> Section:
+def _figures(pictures: Sequence[PagePicture]) -> Section:
     """The first figures, and the others folded."""
-    rest = pictures[seen:]
+    rest = pictures[2:]
     words = " · ".join(picture.caption.partition(":")[0] for picture in rest)
     more = [Section(words, "more-figures", rest, folded=True)] if rest else []
-    return Section("Figures", "figures", pictures[:seen], more)
+    return Section("Figures", "figures", pictures[:2], more)
 
 
 def _tables(source: StudiedRuns, first: Section) -> Section:

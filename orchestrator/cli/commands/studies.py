@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, get_args
 import typer
 
 from ...errors import ConfigurationError, check_choice
-from ...simulation.how import How
 from ..common import completion
 from ..common.app import (
     ForceOption,
@@ -32,6 +31,7 @@ from ..common.app import (
 from ..common.outcome import kept, typed
 
 if TYPE_CHECKING:
+    from ...simulation.how import How
     from ...study.study import Study
     from ..documents.studies import Study as StudyDocument
 
@@ -145,6 +145,7 @@ def study(
     """
     with waiting(remaining=True) as progress:
         from ...simulation.children.process import patience
+        from ...simulation.how import How
         from ...study import runner
         from ...study import study as studies
         from ..documents import contents
