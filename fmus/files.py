@@ -232,15 +232,16 @@ def scratch() -> Path:
         if _scratch is None or _scratch[0] != os.getpid():  # a forked process needs its own
             temporary = Path(tempfile.gettempdir())
             sweep(temporary)
-            path, handle = _claim(temporary, "")
-            path.mkdir(mode=0o700)
-            _scratch = os.getpid(), path, handle
-            # The worker processes of multiprocessing end without atexit.
-            processes: Any = sys.modules.get("multiprocessing.util")
-            if processes is None:
-                atexit.register(_end, path, handle, os.getpid())
-            else:
-                processes.Finalize(None, _end, (path, handle, os.getpid()), exitpriority=0)
+            with stopping.deferred():
+                path, handle = _claim(temporary, "")
+                path.mkdir(mode=0o700)
+                _scratch = os.getpid(), path, handle
+                # The worker processes of multiprocessing end without atexit.
+                processes: Any = sys.modules.get("multiprocessing.util")
+                if processes is None:
+                    atexit.register(_end, path, handle, os.getpid())
+                else:
+                    processes.Finalize(None, _end, (path, handle, os.getpid()), exitpriority=0)
         return _scratch[1]
 
 
@@ -251,14 +252,18 @@ def leave() -> None:
 
 
 _scratch: tuple[int, Path, int | None] | None = None
+_ended: set[Path] = set()
 _GUARD = threading.Lock()
 
 
 def _end(path: Path, handle: int | None, owner: int) -> None:
     if os.getpid() != owner:  # a forked process uses its parent's
         return
-    remove(path)
-    _release(path, handle)
+    with _GUARD:  # two threads may end the process, and the next file gets the handle's number
+        if path not in _ended:
+            _ended.add(path)
+            remove(path)
+            _release(path, handle)
 
 
 def _claim(folder: Path, instead: str) -> tuple[Path, int | None]:

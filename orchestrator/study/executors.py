@@ -13,6 +13,7 @@ import multiprocessing
 import os
 import pickle
 import signal
+import tempfile
 import threading
 import time
 from collections import deque
@@ -32,7 +33,7 @@ from typing import Any
 import pandas as pd
 from sblcosim.fmus import stopping
 from sblcosim.fmus.build.factory import cache
-from sblcosim.fmus.files import leave, sha256_of, write_file
+from sblcosim.fmus.files import leave, sha256_of, sweep, write_file
 from sblcosim.fmus.host.libraries import ours, trust
 from sblcosim.fmus.read.ports import Fmu
 
@@ -206,14 +207,22 @@ def processes(workers: int) -> Iterator[Executor]:
 
 _MANAGER_S = 10.0
 """Seconds for the thread of a pool to notice that its workers have ended; it takes few."""
+_KILLED_S = 10.0
+"""Seconds for a process that is killed to end, and its locks with it; it takes milliseconds."""
 
 
-def _end(workers: Iterable[BaseProcess]) -> None:
-    """Kill the workers that do not end as they are told, being busy or not ready yet."""
+def _end(workers: Sequence[BaseProcess]) -> None:
+    """Kill the workers that do not end as they are told, being busy or not ready yet.
+
+    They and those that somebody else has killed leave their files, which are removed here.
+    """
     until = time.monotonic() + 2 * stopping.GRACE
     for process in workers:
         process.join(max(until - time.monotonic(), 0))
         process.kill()
+    for process in workers:
+        process.join(_KILLED_S)
+    sweep(Path(tempfile.gettempdir()))
 
 
 @contextmanager

@@ -8,6 +8,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Iterator
@@ -20,7 +21,7 @@ import pandas as pd
 import pytest
 from distributed import LocalCluster
 from sblcosim.errors import ConfigurationError
-from sblcosim.fmus import stopping
+from sblcosim.fmus import files, stopping
 from sblcosim.simulation.how import How
 from sblcosim.study import campaign, executors, store, study
 from seams import Seam
@@ -187,6 +188,36 @@ def test_of_processes_that_were_stopped_no_thread_is_left() -> None:
         with pytest.raises(KeyboardInterrupt):
             stopped()
         assert {*threading.enumerate()} <= before
+
+
+@pytest.mark.skipif(os.name == "nt", reason="there is no SIGSTOP")
+@pytest.mark.parametrize("number", ["SIGSTOP", "SIGKILL"])
+def test_of_processes_that_cannot_tidy_up_no_file_is_left(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: str
+) -> None:
+    """Being too busy to obey in time, or killed by somebody."""
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    workers, failure = 2, KeyboardInterrupt()
+    with pytest.raises(KeyboardInterrupt) as caught, executors.processes(workers) as pool:  # noqa: PT012
+        tasks = [pool.submit(_scratch_of_one, tmp_path, workers) for _ in range(workers)]
+        places = {task.result() for task in tasks}
+        assert len(places) == workers
+        for pid, place in places:
+            assert place.is_dir()
+            os.kill(pid, getattr(signal, number))
+        raise failure
+    assert caught.value is failure
+    assert os.listdir(tmp_path) == []
+
+
+def _scratch_of_one(folder: Path, workers: int) -> tuple[int, Path]:
+    """What a worker has for itself, when all have it: none does two of these tasks."""
+    place = files.scratch()
+    until = time.monotonic() + 300
+    while len(list(folder.iterdir())) < 2 * workers and time.monotonic() < until:
+        time.sleep(0.01)
+    return os.getpid(), place
 
 
 def test_a_worker_that_ended_before_it_got_runs_is_said_too() -> None:

@@ -31,7 +31,7 @@ def start(script: str, folder: Path) -> subprocess.Popen[str]:
     """A process that has come to the place where it waits."""
     process = subprocess.Popen(
         [sys.executable, "-c", START + script, str(folder)],
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         env={**os.environ, "TMPDIR": str(folder), "TEMP": str(folder)},
     )  # fmt: skip
     assert process.stdout is not None
@@ -200,6 +200,51 @@ if __name__ == "__main__":
     process = start(script, tmp_path)
     assert os.listdir(tmp_path) == []
     process.communicate("")
+
+
+def test_scratch_is_removed_once_whoever_comes_first(tmp_path: Path) -> None:
+    """A worker that is told to end, and ends just then, does both."""
+    script = """
+import os, threading
+place = files.scratch()
+threads = [threading.Thread(target=files.leave) for _ in range(20)]
+for thread in threads:
+    thread.start()
+for thread in threads:
+    thread.join()
+assert os.listdir(folder) == []
+with open(folder / "another", "w") as file:  # with the number that the lock had
+    wait()
+    files.leave()
+    file.write("whole")
+"""
+    process = start(script, tmp_path)
+    _, err = process.communicate("")
+    assert (process.returncode, err) == (0, "")
+    assert (tmp_path / "another").read_text() == "whole"
+
+
+@POSIX
+def test_scratch_that_is_just_made_is_removed_after_a_stop(tmp_path: Path) -> None:
+    script = """
+import os, signal, time
+from sblcosim.fmus import stopping
+make = Path.mkdir
+def slow(*given, **named):
+    os.kill(os.getpid(), signal.SIGTERM)
+    time.sleep(4 * stopping.GRACE)
+    make(*given, **named)
+Path.mkdir = slow
+try:
+    with stopping.stoppable(command=True):
+        files.scratch()
+except stopping.Terminated:
+    wait()
+"""
+    process = start(script, tmp_path)
+    _, err = process.communicate("")
+    assert (process.returncode, err) == (0, "")
+    assert os.listdir(tmp_path) == []
 
 
 @POSIX
