@@ -27,7 +27,7 @@ from . import origins
 _UNSAID = {
     "__dict__", "__weakref__", "__module__", "__qualname__", "__doc__", "__firstlineno__",
     "__static_attributes__", "__classcell__", "_abc_impl", "__pydantic_core_schema__",
-    "__pydantic_validator__", "__pydantic_serializer__",
+    "__pydantic_validator__", "__pydantic_serializer__", "__pydantic_parent_namespace__",
 }  # fmt: skip
 """Entries of a class that say nothing of what it does, or differ from process to process."""
 _COPIED = {

@@ -149,6 +149,12 @@ CHANGES: dict[str, tuple[str | Files, tuple[str, str]]] = {
         "import pydantic\nclass target(pydantic.BaseModel):\n"
         "    a: float = pydantic.Field(1, le=VALUE)\n", ("3", "4"),
     ),
+    "limit of a pydantic model by a variable of a function": (
+        "import pydantic, typing\ndef made():\n"
+        "    Limited = typing.Annotated[float, pydantic.Field(le=VALUE)]\n"
+        "    class C(pydantic.BaseModel):\n        a: 'Limited' = 1\n    return C\n"
+        "target = made()\n", ("3", "4"),
+    ),
     "validator of a pydantic model": (
         "import pydantic\nclass target(pydantic.BaseModel):\n    a: float = 1\n"
         "    @pydantic.field_validator('a')\n    @classmethod\n"
@@ -390,6 +396,15 @@ UNCHANGED: dict[str, str] = {
     "pydantic model": (
         "import pydantic\nclass C(pydantic.BaseModel):\n    a: float = 1\n    b: int = 2\n"
         "class target:\n    c = C()\n"
+    ),
+    "pydantic model beside variables of a function": (
+        "import pydantic, threading, uuid\nX = []\ndef made():\n    lock = threading.Lock()\n"
+        "    name, file = str(uuid.uuid4()), __file__\n    X.append(lock)\n"
+        "    class C(pydantic.BaseModel):\n        a: float = 1\n    return C\ntarget = made()\n"
+    ),
+    "pydantic model of code that is run": (  # by `exec`; pydantic before 2.9 keeps its globals
+        "X = {}\nexec('import pydantic, threading\\nlock = threading.Lock()\\n'\n"
+        "     'class target(pydantic.BaseModel):\\n    a: float = 1', X)\ntarget = X['target']\n"
     ),
     "pydantic dataclass": (
         "import pydantic.dataclasses\n@pydantic.dataclasses.dataclass\nclass C:\n"

@@ -8,6 +8,7 @@ import warnings
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from sblcosim.errors import ConfigurationError, NoEffectWarning
 from sblcosim.models import COMPONENTS, RECEIVERS
@@ -776,6 +777,17 @@ def test_keys_that_were_filled_in_are_not_written_for_a_foreign_fmu(tmp_path: Pa
     assert "speed_m_s = 0.7\n" in target
     assert "sampling_time_s = " in target
     assert "radius_m" not in target
+
+
+@pytest.mark.parametrize(
+    ("key", "name"),
+    [("target.trajectory", "square"), ("platform.gps_grade", "rtk_fixed"),
+     ("acoustics.clock_grade", "tcxo"), ("acoustics.packet_content", "pose")],
+)  # fmt: skip
+def test_a_text_of_numpy_is_a_name_like_any_other(key: str, name: str) -> None:
+    """As in `numpy.unique` of a column; pydantic before 2.10 refuses them."""
+    given = load("harbour-square", {key: np.str_(name)})
+    assert given.dump_toml() == load("harbour-square", {key: name}).dump_toml()
 
 
 def test_a_file_gives_its_name_and_finds_fmus_beside_it(tmp_path: Path) -> None:

@@ -247,6 +247,16 @@ def test_random_numbers_make_a_distribution_or_a_line() -> None:
     assert not any("\n" in line for line in lines)
 
 
+def test_a_text_of_numpy_is_a_distribution_like_any_other() -> None:
+    """As in `numpy.unique` of a column; pydantic before 2.10 refuses them."""
+    for kind in get_args(Kind):
+        numbers = {
+            "normal": {"mean": 1, "std": 2}, "log-normal": {"median": 1, "factor": 2},
+            "triangular": {"range": [1, 3], "mode": 2}, "choice": {"levels": [1, 2]},
+        }.get(kind, {"range": [1, 3]})  # fmt: skip
+        assert distribution_of(np.str_(kind), **numbers) == distribution_of(kind, **numbers)
+
+
 # --- Samples -------------------------------------------------------------------------------------
 
 FACTORS = (
