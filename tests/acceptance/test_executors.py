@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.metadata
+import itertools
 import json
 import os
 import signal
@@ -191,11 +192,11 @@ def test_of_processes_that_were_stopped_no_thread_is_left() -> None:
 
 
 @pytest.mark.skipif(os.name == "nt", reason="there is no SIGSTOP")
-@pytest.mark.parametrize("number", ["SIGSTOP", "SIGKILL"])
+@pytest.mark.parametrize("what", ["SIGSTOP", "SIGKILL", "writes on"])
 def test_of_processes_that_cannot_tidy_up_no_file_is_left(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, what: str
 ) -> None:
-    """Being too busy to obey in time, or killed by somebody."""
+    """Being too busy to obey in time, killed by somebody, or just unpacking something."""
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     workers, failure = 2, KeyboardInterrupt()
@@ -205,7 +206,12 @@ def test_of_processes_that_cannot_tidy_up_no_file_is_left(
         assert len(places) == workers
         for pid, place in places:
             assert place.is_dir()
-            os.kill(pid, getattr(signal, number))
+            if what == "writes on":
+                pool.submit(_write_on, place)
+            else:
+                os.kill(pid, getattr(signal, what))
+        while what == "writes on" and not all((place / "0").exists() for _, place in places):
+            time.sleep(0.01)
         raise failure
     assert caught.value is failure
     assert os.listdir(tmp_path) == []
@@ -218,6 +224,12 @@ def _scratch_of_one(folder: Path, workers: int) -> tuple[int, Path]:
     while len(list(folder.iterdir())) < 2 * workers and time.monotonic() < until:
         time.sleep(0.01)
     return os.getpid(), place
+
+
+def _write_on(place: Path) -> None:
+    """Write files into the scratch of one worker, whichever has this task."""
+    for number in itertools.count():
+        (place / str(number)).touch()
 
 
 def test_a_worker_that_ended_before_it_got_runs_is_said_too() -> None:
