@@ -12,10 +12,10 @@ from difflib import get_close_matches
 from pathlib import PurePath
 
 LONGEST = 80
-"""Characters of a value that a message shows."""
+"""Number of characters of a value that a message shows."""
 
 LONGEST_PATH = 255
-"""Of a path, because people go there."""
+"""The same for a path, because people go there."""
 
 _LONG = re.compile(
     r"""(?<!\w)'(?:\\.|[^'\\\n])+'(?!\w) | (?<!\w)"(?:\\.|[^"\\\n])+"(?!\w)
@@ -25,7 +25,7 @@ _LONG = re.compile(
 
 
 class Concise:
-    """Messages in which no value is longer than people read, whoever has put it there."""
+    """Messages in which overlong values are shortened, wherever they come from."""
 
     def __init__(self, *arguments: object) -> None:
         super().__init__(*(concise(a) if isinstance(a, str) else a for a in arguments))
@@ -37,7 +37,7 @@ class SblcosimError(Concise, Exception):
     component: str | None = None
     """Name of the component whose failure ended a run."""
     suspects: tuple[str, ...] = ()
-    """Names of all that may have caused it, where that is not certain."""
+    """Names of all components that may have caused it, if that is not certain."""
 
 
 class FmuError(SblcosimError):
@@ -49,11 +49,11 @@ class BuildError(FmuError):
 
 
 class DamageWarning(Concise, UserWarning):
-    """A file of ours is not as it was written, and something is done about it."""
+    """One of our files has changed since it was written; something is being done about it."""
 
 
 def one_line(error: BaseException) -> str:
-    """What an exception says, without line breaks."""
+    """The text of an exception, without line breaks."""
     return " ".join(str(error).split()) or type(error).__name__
 
 
@@ -70,24 +70,24 @@ def nearest(name: str, candidates: Iterable[str]) -> str:
 
 
 def instance(value: object) -> str:
-    """A value of a wrong type, for messages."""
+    """A value of a wrong type, as named in messages."""
     if value is None or isinstance(value, bool | int | float | str | bytes):
         return quoted(value)
     return f"an instance of {type(value).__qualname__}"
 
 
 def shortened(value: object, longest: int = LONGEST) -> str:
-    """A value for a message, without its middle if it is longer than so many characters.
+    """A value for a message, shortened in the middle if it has too many characters.
 
     Parameters
     ----------
     value
-        A text or a path is taken as it is, so that the caller decides about quotes, but what does
-        not print, such as a line break, is escaped; of anything else it is the `repr`.
+        A text or a path is used as it is, so that the caller decides about quotes, but unprintable
+        characters such as line breaks are escaped. Other values are shown by their `repr`.
     """
     try:
         text = escaped(str(value)) if isinstance(value, str | PurePath) else repr(value)
-    except (ValueError, RecursionError):  # an integer of thousands of digits, or a deep nesting
+    except (ValueError, RecursionError):  # an integer with thousands of digits, or deep nesting
         text = instance(value) if not isinstance(value, int) else "an integer with too many digits"
     if len(text) <= longest:
         return text
@@ -101,7 +101,7 @@ def quoted(value: object) -> str:
 
 
 def concise(message: str) -> str:
-    """A message whose quoted values and words are shortened; of paths, only the absurdly long."""
+    """A message with its quoted values and words shortened; paths only if absurdly long."""
 
     def short(match: re.Match[str]) -> str:
         word = match[0]
@@ -114,7 +114,7 @@ def concise(message: str) -> str:
 
 
 def escaped(text: str) -> str:
-    """A text whose characters all print, and so on one line."""
+    """A text with only printable characters, hence on one line."""
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)

@@ -1,8 +1,8 @@
-"""Writing files and folders so that nobody ever sees half of one, and nothing stays of the dead.
+"""Writing files and folders so that nobody sees them half-written and dead processes leave nothing.
 
-What is unfinished has a hidden name, and beside it lies a file that its process keeps locked. A
-lock ends with its process, however that ends, so whoever comes next knows what to remove, also
-with several processes at once. A file system that knows no locks does without the removing.
+Unfinished files have a hidden name, and next to each lies a file that its process keeps locked. A
+lock ends with its process, however that ends, so the next process knows what to remove, even with
+several processes at once. On a file system without locks nothing is removed.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
 HIDDEN = ".sblcosim-"
-"""What the names of unfinished files and folders begin with."""
+"""Prefix of the names of unfinished files and folders."""
 
 _LOCK = ".lock"
 _OURS = re.compile(re.escape(HIDDEN) + "[0-9a-f]{32}(" + re.escape(_LOCK) + ")?")
-_BYTE = 1 << 30  # Windows lets nobody read what is locked, so that lies beyond the content
+_BYTE = 1 << 30  # Windows forbids reading locked bytes, so the lock lies beyond the content
 
 
 def write_file(
@@ -46,15 +46,15 @@ def write_file(
     Parameters
     ----------
     replace
-        Whether a file that is there already gives way.
+        Whether to replace an existing file.
     durable
         Wait until it would survive a loss of power, which takes some milliseconds.
 
     Raises
     ------
     OSError
-        It cannot be written; `FileExistsError` if there is one that must not give way, or
-        something else than a file.
+        The file cannot be written; `FileExistsError` if it exists and must not be replaced, or if
+        something other than a file has the name.
     """
     if os.path.lexists(path) and (not replace or not os.path.isfile(path)):
         raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path))
@@ -79,7 +79,7 @@ _TIDY: set[Path] = set()
 
 
 def _linked(hidden: Path, path: Path) -> bool:
-    """Give a file its name unless somebody else was quicker; False where there are no links."""
+    """Give a file its name unless it is taken; False if the file system has no links."""
     try:
         os.link(hidden, path)
     except FileExistsError:
@@ -102,7 +102,7 @@ def make_folder(path: Path) -> None:
 
 
 def sync_folder(path: Path) -> None:
-    """Let names in a folder survive a loss of power, where that can be asked for."""
+    """Make names in a folder survive a loss of power, where the system supports this."""
     if os.name == "nt":
         return
     with suppress(OSError):
@@ -114,21 +114,21 @@ def sync_folder(path: Path) -> None:
 
 
 def sync_file(path: Path) -> None:
-    """Let the content of a file survive a loss of power."""
+    """Make the content of a file survive a loss of power."""
     with path.open("r+b") as file:
         os.fsync(file.fileno())
 
 
-# --- What is read ---------------------------------------------------------------------------------
+# --- Reading --------------------------------------------------------------------------------------
 
 
 def regular(path: Path) -> Path:
-    """The path of a file that has an end; a folder is refused by whoever opens it.
+    """The path of something with an end to read; folders are left to the caller's open to refuse.
 
     Raises
     ------
     OSError
-        It is a pipe, which may wait for ever, a device or a socket; or there is nothing.
+        It is a pipe, which may wait forever, a device or a socket; or it does not exist.
     """
     kind = KINDS.get(stat.S_IFMT(path.stat().st_mode))
     if kind is not None:
@@ -142,27 +142,27 @@ KINDS = {
     stat.S_IFIFO: "a pipe",
     stat.S_IFSOCK: "a socket",
 }
-"""What can be opened and is no file, by its type."""
+"""Types of things that can be opened but are not files."""
 
-# --- What somebody else may have damaged ---------------------------------------------------------
+# --- Files that others may have damaged -----------------------------------------------------------
 
 SEAL = ".sha256"
-"""What is added to the name of a file for the one that holds its SHA-256."""
+"""Suffix of the file that holds another file's SHA-256."""
 
 
 def seal(content: bytes, name: str) -> bytes:
-    """Content of the file beside a file, as ``sha256sum`` writes and reads it."""
+    """Content of that file, in the format of ``sha256sum``."""
     return f"{hashlib.sha256(content).hexdigest()}  {name}\n".encode()
 
 
 def write_sealed(path: Path, content: bytes) -> None:
-    """Write a file and, before it, its SHA-256 beside it."""
+    """Write a file and, before it, its SHA-256 next to it."""
     write_file(path.with_name(path.name + SEAL), seal(content, path.name))
     write_file(path, content)
 
 
 def intact(path: Path) -> bool:
-    """Whether a file is as `write_sealed` wrote it; read once, until it changes."""
+    """Whether a file is as `write_sealed` wrote it; computed once, until it changes."""
     try:
         recorded = regular(path.with_name(path.name + SEAL)).read_bytes()[:64]
     except OSError:
@@ -171,7 +171,8 @@ def intact(path: Path) -> bool:
 
 
 def sha256_of(path: Path) -> str:
-    """SHA-256 of a file in hexadecimal, read once, until it changes; nothing if there is none."""
+    """SHA-256 of a file in hexadecimal, computed once, until it changes; empty if there is no
+    file."""
     try:
         about = regular(path).stat()
         known = str(path), about.st_size, about.st_mtime_ns, about.st_ino
@@ -185,20 +186,21 @@ def sha256_of(path: Path) -> str:
 _HASHES: dict[tuple[str, int, int, int], str] = {}
 
 
-# --- What is unfinished --------------------------------------------------------------------------
+# --- Unfinished files -----------------------------------------------------------------------------
 
 
 @contextmanager
 def unfinished(folder: Path, instead: str = "") -> Iterator[Path]:
     """A hidden name in a folder for a file or folder of this process.
 
-    At the end what still has that name is removed; if the process is killed, by a later `sweep`.
+    Whatever still has that name at the end is removed; if the process is killed, by a later
+    `sweep`.
 
     Parameters
     ----------
     instead
-        The name, in the same folder, that what is moved here gets back from a `sweep`, unless
-        there is something new under it.
+        Name in the same folder that a `sweep` restores for what is moved here, unless the name is
+        taken again.
     """
     with stopping.deferred():
         path, handle = _claim(folder, instead)
@@ -211,12 +213,12 @@ def unfinished(folder: Path, instead: str = "") -> Iterator[Path]:
 
 
 def is_hidden(name: str) -> bool:
-    """Whether a name is one of `unfinished` things."""
+    """Whether a name belongs to something `unfinished`."""
     return _OURS.fullmatch(name) is not None
 
 
 def sweep(folder: Path) -> bool:
-    """Remove what processes that live no more have left in a folder; whether there was any."""
+    """Remove leftovers of dead processes from a folder; returns whether there were any."""
     try:
         names = os.listdir(folder)
     except OSError:
@@ -226,7 +228,7 @@ def sweep(folder: Path) -> bool:
 
 
 def scratch() -> Path:
-    """This process's folder for files that it needs while it lives."""
+    """Temporary folder of this process, for as long as it lives."""
     global _scratch
     with _GUARD:
         if _scratch is None or _scratch[0] != os.getpid():  # a forked process needs its own
@@ -246,7 +248,7 @@ def scratch() -> Path:
 
 
 def leave() -> None:
-    """Remove what `scratch` has given, before a process ends without saying so."""
+    """Remove the folder from `scratch`, before a process ends without notice."""
     if _scratch is not None:
         _end(_scratch[1], _scratch[2], _scratch[0])
 
@@ -257,7 +259,7 @@ _GUARD = threading.Lock()
 
 
 def _end(path: Path, handle: int | None, owner: int) -> None:
-    if os.getpid() != owner:  # a forked process uses its parent's
+    if os.getpid() != owner:  # a forked process uses its parent's folder
         return
     with _GUARD:  # two threads may end the process, and the next file gets the handle's number
         if path not in _ended:
@@ -267,7 +269,7 @@ def _end(path: Path, handle: int | None, owner: int) -> None:
 
 
 def _claim(folder: Path, instead: str) -> tuple[Path, int | None]:
-    """A name that nobody has, and the lock on it; None where there are no locks."""
+    """An unused name and the lock on it; None where there are no locks."""
     while True:
         path = folder / f"{HIDDEN}{uuid.uuid4().hex}"
         handle = os.open(_lock_of(path), os.O_RDWR | os.O_CREAT | os.O_EXCL)
@@ -282,20 +284,20 @@ def _claim(folder: Path, instead: str) -> tuple[Path, int | None]:
             return path, None
         if held and os.fstat(handle).st_nlink:
             return path, handle
-        _release(path, handle)  # a sweep was quicker than the lock
+        _release(path, handle)  # a sweep came before the lock
 
 
 def _release(path: Path, handle: int | None) -> None:
     if handle is None:
         return
-    # Libraries that are loaded stay on Windows, and a compiler may survive its parent: if there is
-    # anything left, the next process will find it.
+    # On Windows loaded libraries stay, and a compiler may survive its parent: the next process will
+    # find anything left.
     done = not os.path.lexists(path)
     if done and os.name != "nt":
         with suppress(OSError):
             _lock_of(path).unlink()
     os.close(handle)
-    if done and os.name == "nt":  # where no file is removed that is open
+    if done and os.name == "nt":  # where open files cannot be removed
         with suppress(OSError):
             _lock_of(path).unlink()
 
@@ -326,7 +328,7 @@ def _lock_of(path: Path) -> Path:
 
 
 def _lock(handle: int) -> bool | None:
-    """Lock an open file, until it is closed or the process ends; None if that cannot be done."""
+    """Lock an open file until it is closed or the process ends; None if that is impossible."""
     try:
         if fcntl is not None:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -343,7 +345,7 @@ def _lock(handle: int) -> bool | None:
 
 
 def remove(path: Path) -> None:
-    """Remove a file, or a folder with all that is in it, if it is there."""
+    """Remove a file, or a folder with its content, if it exists."""
     if os.path.isdir(path) and not os.path.islink(path):
         shutil.rmtree(path, ignore_errors=True)
     else:

@@ -1,8 +1,8 @@
-"""What runs know an FMU of ours by: the SHA-256 of it without what says nothing of its numbers.
+"""Identity of our FMUs in runs: their SHA-256 without the parts that do not affect numbers.
 
 Its copyright, and terminals that name no port of a receiver, are for people and other tools. An FMU
-holds that SHA-256 in a file, so that finished runs stay valid when such things are added. The file
-counts as long as all others are as they were: it has their sizes and checksums.
+holds that SHA-256 in a file, so that finished runs stay valid when such parts are added. The file
+is valid as long as all other files are unchanged: it holds their sizes and checksums.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from zlib import crc32
 KNOWN_AS = "extra/org.sblcosim/known_as.json"
 """Name of the file in an FMU."""
 LONGEST = 1000
-"""Bytes of the file, at most."""
+"""Maximum size of the file in bytes."""
 
 
 def note(plain: bytes, files: Mapping[str, bytes]) -> bytes:
@@ -25,7 +25,7 @@ def note(plain: bytes, files: Mapping[str, bytes]) -> bytes:
     Parameters
     ----------
     plain
-        The FMU without what does not count.
+        The FMU without the parts that do not count.
     files
         Its other files, by their names.
     """
@@ -35,7 +35,7 @@ def note(plain: bytes, files: Mapping[str, bytes]) -> bytes:
 
 
 def noted(content: bytes, facts: Mapping[str, tuple[int, int]]) -> str | None:
-    """The SHA-256 that a file says; None if it is none of ours, or others have been changed.
+    """The SHA-256 stated by the file; None if it is not ours, or other files have changed.
 
     Parameters
     ----------

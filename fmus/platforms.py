@@ -1,8 +1,8 @@
-"""The platforms that FMUs are built for. A platform has the name that FMI 3 gives it.
+"""The platforms that FMUs are built for, under the names that FMI 3 gives them.
 
-FMI 3 (section 2.5.1.4.1) joins architecture and system, e.g. ``aarch64-linux``, to name the folder
-of a binary. FMI 2 has older names for the x86-64 platforms and since 2.0.4 takes those of FMI 3 for
-the others.
+FMI 3 (section 2.5.1.4.1) names the folder of a binary by architecture and system, for example
+``aarch64-linux``. FMI 2 has older names for the x86-64 platforms and, since 2.0.4, uses those of
+FMI 3 for the others.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ ZIG_TARGETS = {
     "x86_64-darwin": "x86_64-macos.11.0",
     "aarch64-darwin": "aarch64-macos.11.0",
 }
-"""All platforms, with what zig calls them: the oldest glibc and macOS that will do."""
+"""All platforms with their names in zig: the oldest supported glibc and macOS."""
 
 PLATFORMS = tuple(ZIG_TARGETS)
 
@@ -35,20 +35,20 @@ def platform_of(system: str, machine: str) -> str:
 
 
 def this_platform() -> str:
-    """The platform that Python runs on."""
+    """The platform on which Python runs."""
     return platform_of(platform.system(), platform.machine())
 
 
 def folder(name: str, fmi: Fmi) -> str:
-    """The folder in ``binaries`` that the standard has for a platform."""
+    """The folder in ``binaries`` that the standard prescribes for a platform."""
     return _FMI2_FOLDERS.get(name, name) if fmi == 2 else name
 
 
 def folders(name: str, fmi: Fmi) -> tuple[str, ...]:
-    """The folders in ``binaries`` where a platform's library may be, the likeliest first.
+    """The folders in ``binaries`` that may hold a platform's library, the most likely first.
 
-    In FMI 2, many tools put (and, as FMPy, look for) the library of a 64-bit system into the folder
-    of its x86-64 kind whatever the processor.
+    In FMI 2, many tools put the library of a 64-bit system into the folder of its x86-64 kind,
+    whatever the processor; others (such as FMPy) look for it there.
     """
     if fmi == 3:
         return (name,)
@@ -65,7 +65,7 @@ def suffix(name: str) -> str:
 
 
 def machine_of(start: bytes) -> str | None:
-    """The processor a Linux library is for, from its first 20 bytes; None if they do not say."""
+    """The processor of a Linux library, from its first 20 bytes; None if they do not show it."""
     if len(start) < 20 or start[:4] != b"\x7fELF":
         return None
     return {62: "x86_64", 183: "aarch64"}.get(int.from_bytes(start[18:20], "little"))
@@ -74,8 +74,8 @@ def machine_of(start: bytes) -> str | None:
 def in_folders(libraries: Mapping[str, bytes], fmi: Fmi) -> dict[str, bytes]:
     """Shared libraries by folder, from those by platform.
 
-    In FMI 2 the library in ``darwin64`` is for both processors if there are both, because tools
-    look there on either. (Linux has no such files, only ``aarch64-linux``.)
+    In FMI 2, ``darwin64`` holds one library for both processors if both exist, because tools look
+    there on either. (Linux has no such files, only ``aarch64-linux``.)
     """
     by_folder = {folder(name, fmi): library for name, library in libraries.items()}
     both = [libraries.get(f"{machine}-darwin") for machine in _MACH_O]
@@ -89,7 +89,7 @@ _MACH_O = {"x86_64": (0x01000007, 3), "aarch64": (0x0100000C, 0)}
 
 
 def universal(libraries: list[bytes]) -> bytes:
-    """Join Mach-O libraries, in the order x86-64 and ARM, to one file for both processors."""
+    """Join Mach-O libraries, x86-64 then ARM, into one file for both processors."""
     alignment = 14  # as a power of two: pages of 16 KiB
     header = struct.pack(">II", 0xCAFEBABE, len(libraries))
     body = bytearray()

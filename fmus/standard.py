@@ -1,4 +1,4 @@
-"""The versions of the FMI standard, and what they call the types of variables."""
+"""The versions of the FMI standard, and their names of types."""
 
 from __future__ import annotations
 

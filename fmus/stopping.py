@@ -1,11 +1,11 @@
-"""Ctrl-C and SIGTERM: a flag that everything reads which lasts, and an exception at safe points.
+"""Ctrl-C and SIGTERM: a flag that all long operations read, and an exception at safe points.
 
 An exception that a signal handler raises may land where Python discards it: in ``__del__``, in the
-callback of a weak reference, in one that C has called. So the handler only sets a flag, and `check`
-raises, which is called in loops and before anything gets its final name. Where no check is reached
-for `GRACE`, such as in an import or in a user's function, the handler raises after all, again and
-again until the exception arrives; what is discarded meanwhile is not reported. What runs in C is
-called by another thread, or its flag set by a thread that waits for it.
+callback of a weak reference, or in one called from C. The handler therefore only sets a flag.
+`check` raises the exception; it is called in loops and before anything gets its final name. If no
+check is reached for `GRACE`, such as in an import or in a user's function, the handler raises after
+all, repeatedly, until the exception arrives. Exceptions discarded meanwhile are not reported. C
+code is called by another thread, or a thread that waits for it sets its flag.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 PERIOD = 0.1
-"""Seconds between two looks at the flag while waiting for something."""
+"""Seconds between two looks at the flag while waiting."""
 
 GRACE = 0.25
-"""Seconds for the next check, until the handler raises."""
+"""Seconds that the handler waits for the next check before it raises."""
 
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
@@ -39,11 +39,11 @@ class Terminated(KeyboardInterrupt):
 
 
 class _Stop:
-    """What a block of `stoppable` knows."""
+    """State of a block of `stoppable`."""
 
     def __init__(self, command: bool) -> None:
         self.command = command
-        self.came = 0  # the signal
+        self.came = 0  # number of the signal
         self.when = 0.0  # [s]
         self.nudged = False  # by the watchdog
         self.named: list[Path] = []
@@ -65,7 +65,7 @@ def wanted() -> bool:
 
 
 def check() -> None:
-    """Raise if the process was asked to stop, unless such an exception is just being handled.
+    """Raise if the process was asked to stop, unless such an exception is being handled already.
 
     Raises
     ------
@@ -90,13 +90,13 @@ def _is_handled() -> bool:
 
 
 def named(path: Path) -> None:
-    """Remember that a result has its final name: a stop that comes now does not undo it."""
+    """Remember that a result has its final name: a later stop does not undo it."""
     if _stop is not None:
         _stop.named.append(path)
 
 
 def tell() -> None:
-    """Set the flag in a process that another one stops; nothing raises but `check`."""
+    """Set the flag in a process that another one stops; only `check` raises."""
     global _told
     _told = True
 
@@ -105,24 +105,24 @@ def tell() -> None:
 def stoppable(
     *, command: bool = False, ends: tuple[type[Exception], ...] = ()
 ) -> Iterator[None]:
-    """Let Ctrl-C end this block by way of the flag; the handlers of before are restored.
+    """Let Ctrl-C end this block through the flag; the previous handlers are restored.
 
-    Within another such block, and in another thread than the main one, no handlers change. A second
-    Ctrl-C raises at once. An error after the signal is a consequence of it: an import, say, that
-    was interrupted.
+    Inside another such block, and outside the main thread, no handlers change. A second Ctrl-C
+    raises at once. An error after the signal counts as its consequence, such as an interrupted
+    import.
 
     Parameters
     ----------
     command
-        Whether this process is ours: SIGTERM then ends the block, too, and a second Ctrl-C the
-        process, with code 130. Otherwise a handler that is not Python's own is left alone.
+        Whether this process is ours: then SIGTERM ends the block too, and a second Ctrl-C ends the
+        process with code 130. Otherwise a handler other than Python's own is left alone.
     ends
-        Exceptions that are no errors.
+        Exceptions that are not errors.
 
     Raises
     ------
     KeyboardInterrupt
-        As `check`; at the end of the block at the latest.
+        As `check`; at the latest at the end of the block.
     """
     global _stop
     main = threading.current_thread() is threading.main_thread()
@@ -137,7 +137,7 @@ def stoppable(
     try:
         numbers: list[int] = [signal.SIGINT, signal.SIGTERM]
         for number in numbers if command else numbers[:1]:
-            if signal.getsignal(number) not in (signal.SIG_IGN, None):  # as nohup, and & in sh
+            if signal.getsignal(number) not in (signal.SIG_IGN, None):  # such as nohup, and & in sh
                 before[number] = signal.signal(number, _handle)
         with _no_consequence(ends):
             yield
@@ -163,7 +163,7 @@ def _no_consequence(ends: tuple[type[Exception], ...]) -> Iterator[None]:
 
 
 def interruptible(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """A function of the API whose body is `stoppable`."""
+    """A function of the API with a `stoppable` body."""
 
     @functools.wraps(function)
     def stopped(*arguments: _P.args, **options: _P.kwargs) -> _R:
@@ -175,7 +175,7 @@ def interruptible(function: Callable[_P, _R]) -> Callable[_P, _R]:
 
 @contextmanager
 def deferred() -> Iterator[None]:
-    """No handler raises within this block of the main thread; it must be short."""
+    """No handler raises inside this block of the main thread; it must be short."""
     global _deferred
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -204,7 +204,7 @@ def _handle(number: int, frame: object) -> None:
 
 
 def _again(stop: _Stop, number: int) -> None:
-    """A second signal. Some senders send theirs twice, and SIGTERM is never in a hurry."""
+    """A second signal. Some senders send theirs twice, and SIGTERM is never urgent."""
     if number != signal.SIGINT or time.monotonic() - stop.when < PERIOD:
         return
     if stop.command:
@@ -221,14 +221,14 @@ def _watch(stop: _Stop, main: int | None) -> None:
     while not stop.over:
         stop.nudged = True
         if hasattr(signal, "pthread_kill"):
-            signal.pthread_kill(main, stop.came)  # interrupts what blocks, too
+            signal.pthread_kill(main, stop.came)  # also interrupts blocking calls
         else:
             _thread.interrupt_main(signal.Signals(stop.came))
         time.sleep(PERIOD)
 
 
 def _unless_ours(report: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    """A hook for exceptions that Python discards, which is silent about those raised again."""
+    """A hook for exceptions that Python discards; it ignores those that are raised again."""
 
     def hook(found: Any) -> None:
         if not (isinstance(found.exc_value, KeyboardInterrupt) and wanted()):
@@ -266,7 +266,7 @@ def results(futures: Sequence[Future[_R]]) -> Iterator[_R]:
 def completed(
     command: Sequence[str], timeout: float | None = None, **options: Any
 ) -> subprocess.CompletedProcess[Any]:
-    """As `subprocess.run`, for a program that takes long: it and what it has started are killed.
+    """As `subprocess.run`, for a long-running program; it and everything it started are killed.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The terminals of an FMU, which may say by another name which of its variables is which port."""
+"""Terminals of an FMU, which may map variables to ports with other names."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from sblcosim.models.ports import DEPTH, ESTIMATE, PING_POSE, RECEPTION, SYSTEM,
 TERMINALS = "terminalsAndIcons/terminalsAndIcons.xml"
 """Name of the file in an FMU."""
 TERMINAL_KIND = "org.sblcosim."
-"""What stands before the kind of a terminal: equal kinds plug into each other."""
+"""Prefix of the kind of a terminal; terminals of equal kinds can be connected."""
 
 PORTS: Mapping[TerminalKind, tuple[Variable, ...]] = {
     "reception": ports(RECEPTION, "input"),
@@ -21,17 +21,17 @@ PORTS: Mapping[TerminalKind, tuple[Variable, ...]] = {
     "estimate": ports(ESTIMATE, "output"),
     "system": ports(SYSTEM, "output"),
 }
-"""The ports of a receiver, by the kind of terminal they belong to."""
+"""The ports of a receiver, by the kind of their terminal."""
 
 
 @dataclass(frozen=True, slots=True)
 class Member:
-    """A variable of the FMU and the port that it is, or an element of it, ``position[1]``.
+    """A variable of the FMU and the port, or the element of a port such as ``position[1]``, it is.
 
     Attributes
     ----------
     terminal, kind
-        Name of the terminal, and its kind with everything that stands before it.
+        Name of the terminal, and its kind with all prefixes.
     known
         Names that the port may have in a terminal of this kind.
     """
@@ -64,11 +64,11 @@ def members(document: ET.Element) -> Iterator[Member]:
 
 
 def port_names(document: ET.Element, variables: Collection[str]) -> Mapping[str, str]:
-    """Names of ports by the names of the variables that are these ports.
+    """Names of ports, by the names of the variables that represent them.
 
     Parameters
     ----------
     variables
-        Names of the FMU's variables; a member that is none of them is left out.
+        Names of the FMU's variables; members that are not among them are ignored.
     """
     return {m.variable: m.port for m in members(document) if m.is_known and m.variable in variables}

@@ -1,4 +1,4 @@
-"""Answers that are worked out once while no file changes."""
+"""Answers that are computed once while no file changes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _ANSWERS: ContextVar[dict[Hashable, object] | None] = ContextVar("answers", defa
 
 @contextmanager
 def assumed() -> Iterator[None]:
-    """While it lasts, files are taken to stay as they are, and are looked at once."""
+    """Inside this context, files are assumed to stay unchanged and are examined once."""
     token = _ANSWERS.set({})
     try:
         yield
@@ -23,12 +23,12 @@ def assumed() -> Iterator[None]:
 
 
 def once(question: Hashable, answer: Callable[[], T]) -> T:
-    """The answer to a question about files, which is kept while they are assumed unchanged."""
+    """The answer to a question about files, kept while they are assumed unchanged."""
     answers = _ANSWERS.get()
     if answers is None:
         return answer()
     try:
         return answers[question]  # type: ignore[return-value]
     except KeyError:
-        pass  # the answer may take long, and raise
+        pass  # computing the answer may take long, and raise
     return answers.setdefault(question, answer())  # type: ignore[return-value]

@@ -1,4 +1,4 @@
-"""The declarations of all components, by the name of their FMU."""
+"""Declarations of all components, by the name of their FMU."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ COMPONENTS: Mapping[str, Component] = {
 
 
 def check_unique(components: Mapping[str, Component]) -> None:
-    """Check that no two components share a name, or the number that separates their noise.
+    """Check that no two components share a name or the number that keeps their noise apart.
 
     Raises
     ------
@@ -50,27 +50,26 @@ check_unique(COMPONENTS)
 
 
 def declared(name: str, **constants: int) -> Component:
-    """The declaration of a component by the name of its FMU, for some constants of the build.
+    """Declaration of a component, by the name of its FMU and the constants of the build.
 
     Raises
     ------
     KeyError
-        There is no such component.
+        No component has this name.
     ValueError
-        No component can be made for such a value.
+        The component cannot be made for this value.
     """
     return COMPONENTS[name].sized(**constants)
 
 
 def file_name(name: str, **constants: int) -> str:
-    """Name of a component's file, without a suffix: of other constants than usual, they are in it.
-    """
+    """Name of a component's file, without suffix; it contains any constants that are unusual."""
     usual, sized = COMPONENTS[name].name, declared(name, **constants).name
     return name + sized.removeprefix(usual)
 
 
 def of_file(stem: str) -> tuple[str, dict[str, int]] | None:
-    """The component and its constants for a name as of `file_name`; None if it is no such name."""
+    """Component and constants for a name made by `file_name`; None if it is no such name."""
     name = stem.rstrip("0123456789")
     component = COMPONENTS.get(name)
     if component is None or stem == name:
@@ -86,14 +85,14 @@ def of_file(stem: str) -> tuple[str, dict[str, int]] | None:
 
 
 def module_of(name: str) -> tuple[str, str]:
-    """Folder and module with the equations of a component."""
+    """Folder and module that hold the equations of a component."""
     if name not in FOUND:
         return name, "equations"
     return "receiver", name if FOUND[name].equations is None else f"receivers.{name}"
 
 
 def equations_of(name: str) -> Equations | Mapping[int, Equations]:
-    """The equations of a component, which need CasADi; of one with variants, of each."""
+    """Equations of a component, or of each of its variants. Needs CasADi."""
     own = FOUND[name].equations if name in FOUND else None
     module = import_module(".".join((__name__, *module_of(name))))
     equations: Equations | Mapping[int, Equations] = module.EQUATIONS if own is None else own()

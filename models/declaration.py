@@ -17,7 +17,7 @@ Type = Literal["Float64", "Int32", "Boolean"]
 Variability = Literal["fixed", "continuous", "discrete"]
 Number = float | int | bool
 Starts = Callable[[tuple[int, ...]], tuple[Number, ...]]
-"""Makes the start values of an array, row by row, of its shape."""
+"""Makes the start values of an array of this shape, row by row."""
 TerminalKind = Literal[
     "reception", "pose", "depth", "estimate", "system", "beacons", "reported_pose"
 ]
@@ -26,16 +26,16 @@ INT32_MAX = 2**31 - 1
 
 
 class Dimension(int):
-    """A size that is a constant of the build: components are made for one value of it.
+    """A size that is a constant of the build: a component is made for one value of it.
 
-    It is an `int`, the value for which it was made; ``Component.sized`` puts another in its place.
+    It is an `int` whose value is that of the build. ``Component.sized`` replaces it.
 
     Attributes
     ----------
     name
         Name of the constant, e.g. ``"beacons"``.
     least, most
-        Values for which components can be made.
+        Range of values for which components can be made.
     """
 
     name: str
@@ -56,7 +56,7 @@ class Dimension(int):
         Raises
         ------
         ValueError
-            No component can be made for it.
+            Components cannot be made for this value.
         """
         if not self.least <= value <= self.most:
             raise ValueError(
@@ -67,7 +67,7 @@ class Dimension(int):
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """A unit, defined by its name (`sblcosim.fmus.build.description.base_unit`).
+    """A unit, known by its name (`sblcosim.fmus.build.description.base_unit`).
 
     Attributes
     ----------
@@ -98,7 +98,7 @@ UNITS: Mapping[str, Unit] = {
         Unit("s/s", "s_s"),
     )
 }
-"""Every unit that a declaration may use. Angles are radians here, degrees in a scenario file."""
+"""All units available to declarations. Angles are radians here and degrees in scenario files."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,7 +136,7 @@ class Variable:
     name
         Name in the FMU. Elements of an array are ``name[i]`` or ``name[i,j]``, 1-based.
     description
-        One sentence for display; names the frame.
+        One sentence for display, including the frame.
     causality, type, variability
         As in the FMI standard. ``variability`` defaults to ``fixed`` for parameters,
         ``continuous`` for other Float64 variables and ``discrete`` for the rest.
@@ -145,16 +145,16 @@ class Variable:
     shape
         ``()`` for a scalar, else one or two dimensions.
     start
-        Start value of a parameter or an input: one number for all elements, one per element, or,
-        where a size is a constant of the build, a function that makes them of the shape.
+        Start value of a parameter or an input: one number for all elements, one number per element,
+        or, if a size is a constant of the build, a function that makes them for a shape.
     min, max
-        Bounds of every element, both included.
+        Bounds of every element, inclusive.
     choices
-        For an Int32 that selects an alternative: its values and their names.
+        Values and names of the alternatives, if the variable is an Int32 that selects one.
     needs
         Requirements for the parameter to have an effect.
     starting
-        The function that made ``start``, if one did.
+        The function that made ``start``, if any.
     """
 
     name: str
@@ -209,7 +209,7 @@ class Variable:
 
     @property
     def rows(self) -> Dimension | None:
-        """The constant of the build that says how many rows an array has, if one does."""
+        """The constant of the build that sets the number of rows of the array, if any."""
         first = self.shape[0] if self.shape else None
         return first if isinstance(first, Dimension) else None
 
@@ -253,9 +253,9 @@ class Terminal:
     Attributes
     ----------
     name, kind
-        Name in the FMU, and kind of the group; terminals of the same kind fit each other.
+        Name in the FMU, and kind of the group. Terminals of the same kind can be connected.
     members
-        Member name of each of the component's variables; the same on both sides.
+        Member name of each of the component's variables, the same on both sides.
     """
 
     name: str
@@ -303,7 +303,9 @@ class Component:
         for variable in self.variables:
             for condition in (c for group in variable.needs for c in group):
                 if condition.parameter not in parameters:
-                    raise ValueError(f"{variable.name}: needs {condition.parameter}, no parameter")
+                    raise ValueError(
+                        f"{variable.name}: must need a parameter, got {condition.parameter}"
+                    )
 
     def __iter__(self) -> Iterator[Variable]:
         return iter(self.variables)
@@ -320,18 +322,18 @@ class Component:
 
     @property
     def constants(self) -> Mapping[str, Dimension]:
-        """The constants of the build, by name."""
+        """Constants of the build, by name."""
         return {n.name: n for v in self.variables for n in v.shape if isinstance(n, Dimension)}
 
     def sized(self, **constants: int) -> Component:
-        """The component for other constants of the build; those that it does not have are ignored.
+        """The component for other constants of the build; it ignores constants it does not have.
 
-        They are part of its name and of its description.
+        Its name and description state the constants.
 
         Raises
         ------
         ValueError
-            No component can be made for such a value.
+            The component cannot be made for this value.
         """
         own = self.constants
         new = {n: own[n].of(value) for n, value in constants.items() if n in own}
@@ -390,17 +392,17 @@ def tick_interval(name: str, description: str, needs: Needs = ()) -> Variable:
 
 
 def noise_keys(*needs: tuple[Condition, ...]) -> tuple[Variable, Variable]:
-    """Seed and stream of a noisy component: equal pairs share their noise.
+    """Seed and stream of a component with noise: equal pairs draw the same noise.
 
     Parameters
     ----------
     needs
-        Requirements for anything to be random, see `Variable`.
+        Requirements for anything to be random; see `Variable`.
     """
     return (
         Variable("seed", "Seed of every random number of this component", "parameter",
                  start=1, min=0, max=INT32_MAX, type="Int32", needs=needs),
-        Variable("stream", "Tells components of one kind and one seed apart", "parameter",
+        Variable("stream", "Separates components of the same kind and seed", "parameter",
                  start=0, min=0, max=2**16 - 1, type="Int32", needs=needs),
     )
 
@@ -416,7 +418,7 @@ def number_of(choices: Mapping[int, str], name: str) -> int:
     Raises
     ------
     KeyError
-        There is no such choice.
+        No choice has this name.
     """
     for number, known in choices.items():
         if known == name:
@@ -425,5 +427,5 @@ def number_of(choices: Mapping[int, str], name: str) -> int:
 
 
 def not_zero(*names: str) -> tuple[Condition, ...]:
-    """One condition per parameter: it is not zero."""
+    """Conditions that parameters are not zero, one per parameter."""
     return tuple(map(Condition, names))

@@ -10,22 +10,23 @@ from .declaration import Component, Dimension
 
 @dataclass(frozen=True, slots=True)
 class Draw:
-    """Random numbers that are drawn anew on each occasion of one kind.
+    """Random numbers that are drawn anew on every occasion of one kind.
 
     Attributes
     ----------
     name, size
         Attribute of ``w``, and its number of elements (a column).
     each
-        A constant of the build: so many times ``size`` numbers, and their scales; None: once.
+        A constant of the build: ``size`` numbers (and scales) are drawn for each of that many;
+        None: once.
     kind
         ``normal``: mean 0, variance 1. ``uniform``: an integer below 2**53, as a float; compare it
         with ``probability * 2**53`` or scale it by ``2**-53``.
     occasion
         ``initial``, ``tick``, or the name of a loop.
     scale
-        Scalar parameters, one per number. If the parameter is 0, its number has no effect: nothing
-        is drawn and the number is 0. Empty: always drawn.
+        Scalar parameters, one per number. If the parameter is 0, its number has no effect: it is 0
+        and is not drawn. Empty: always drawn.
     """
 
     name: str
@@ -40,7 +41,7 @@ class Draw:
             raise ValueError(f"{self.name}: must have {self.size} scales, got {len(self.scale)}")
 
     def of(self, component: Component) -> Draw:
-        """The draw with all its numbers, as many as the component's constants ask for."""
+        """The draw with all its numbers, for the constants of a component."""
         if self.each is None:
             return self
         times = component.constants[self.each.name]

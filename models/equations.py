@@ -1,7 +1,7 @@
 """Turn a component's equations into CasADi functions.
 
-Equations are plain functions of symbols, free of branches (``if_else``), so that the generated C
-runs one simulation or several side by side. Their arguments:
+Equations are plain functions of symbols without branches (they use ``if_else``), so that the
+generated C runs one simulation or several side by side. Their arguments:
 
 ========  =====================================================================================
 ``p``     parameters, one attribute per declared variable, in its shape (arrays as matrices), and
@@ -10,10 +10,10 @@ runs one simulation or several side by side. Their arguments:
 ``u``     inputs, like ``p``
 ``w``     noise for this occasion, one attribute per `Draw`, and one per `Row`
 ``t``     time [s]
-``k``     number of the tick, 1 at the first tick after the start
+``k``     number of the tick; 1 is the first tick after the start
 ========  =====================================================================================
 
-Each returns a dict; ``tick`` and loop bodies return only the states that they change.
+Each function returns a dict. ``tick`` and loop bodies return only the states that they change.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ from .symbols import Values as Values
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One row of an array of parameters, looked up by its number.
+    """One row of an array of parameters, looked up by number.
 
-    A choice among all rows by ``if_else`` would be code for every row, and take its time.
+    Choosing among all rows with ``if_else`` would generate code for every row, and be slow.
 
     Attributes
     ----------
@@ -44,8 +44,8 @@ class Row:
     array
         Name of the parameter.
     index
-        ``index(p, x)``: number of the row, 0 for the first one; outside of the array the nearest
-        one is taken. At the start there is no ``x``.
+        ``index(p, x)``: number of the row, from 0; numbers outside the array are clipped. At the
+        start, ``x`` is missing.
     """
 
     name: str
@@ -64,7 +64,7 @@ class Loop:
     body
         ``body(p, x, u, w, t)``: the changed states after one pass.
     inner
-        Loops run after each pass.
+        Loops that run after each pass.
     rows
         Rows of parameters that the body reads.
     """
@@ -85,17 +85,19 @@ class Equations:
     initial
         ``initial(p, w, t)``: all states at the start time.
     tick
-        ``tick(p, x, u, w, t, k)``: states changed at tick ``k`` (``k >= 1``), which is at ``t``.
+        ``tick(p, x, u, w, t, k)``: states changed at tick ``k`` (``k >= 1``), which happens at
+        ``t``.
     output
-        ``output(p, x, u, t)``: all outputs at ``t``. Inputs used here have direct feedthrough, and
-        are declared as such.
+        ``output(p, x, u, t)``: all outputs at ``t``. Inputs used here have direct feedthrough and
+        are declared accordingly.
     advance
-        Loops run before anything else happens at ``t`` (a leg that has ended). They must not use
-        inputs.
+        Loops that run before anything else at ``t`` (such as a leg that has ended). They must not
+        use inputs.
     iterate
-        Loops run after each tick (measurements still to process, iterations to convergence).
+        Loops that run after each tick (pending measurements, iterations to convergence).
     draws
-        All noise, of all variants of the component. The order decides which numbers each gets.
+        All noise of all variants of the component. The order decides which random numbers each
+        gets.
     rows
         Rows of parameters that ``initial`` reads.
     """
@@ -120,14 +122,15 @@ class Rows:
     index
         ``index(x, p)``: their numbers; at the start ``index(p)``.
     places
-        Of each: the first element of its array in ``p``, the array's rows, and their length.
+        For each row: first element of its array in ``p``, number of rows of the array, and their
+        length.
     """
 
     index: ca.Function
     places: Sequence[tuple[int, int, int]]
 
     def read(self, *arguments: Any) -> list[float]:
-        """All elements, for the arguments of `index`, of which the last is ``p``."""
+        """All elements, to be appended to the arguments of `index`, the last of which is ``p``."""
         numbers = self.index(*arguments).full().ravel()
         found: list[float] = []
         for number, (first, count, width) in zip(numbers, self.places, strict=True):
@@ -142,8 +145,8 @@ class Functions:
 
     ``initial(p, w, t) -> x``, ``tick(x, u, p, w, t, k) -> x``, ``output(x, u, p, t) -> y``,
     ``guards[name](x, u, p, t) -> c``, ``bodies[name](x, u, p, w, t) -> x``; ``jacobian(x, u, p, t)
-    -> dy/du`` (row by row) where there is direct feedthrough. Those that read rows, which ``rows``
-    has by the names of their loops or as ``initial``, take all elements of these at the end.
+    -> dy/du`` (row by row) where there is direct feedthrough. Functions that read rows take the
+    elements of these as last arguments; ``rows`` lists them by loop, or as ``initial``.
     """
 
     initial: ca.Function
@@ -166,13 +169,13 @@ class Model:
     states
         Shape of each state by name, in the order of the state vector (row by row).
     advance, iterate
-        Names of the loops, each followed by its inner ones.
+        Names of the loops, each followed by its inner loops.
     feedthrough
         Declared names (output, input) with direct feedthrough.
     inner
-        Number of loops inside each, by name.
+        Number of inner loops of each loop, by name.
     readme
-        What is said of it, in Markdown, if it is none of ours.
+        Its documentation in Markdown, if the component is not one of ours.
     """
 
     component: Component
@@ -218,7 +221,7 @@ def build(component: Component, equations: Equations | Mapping[int, Equations]) 
 
 
 def _all(loops: Sequence[Loop]) -> list[Loop]:
-    """Loops, each followed by those inside it."""
+    """Loops, each followed by its inner loops."""
     return [each for loop in loops for each in (loop, *_all(loop.inner))]
 
 
@@ -287,7 +290,7 @@ def _functions(
 def _output(
     component: Component, results: Values, arguments: list[Any]
 ) -> tuple[ca.Function, Any]:
-    """The function that makes the outputs, and their expressions."""
+    """The function that computes the outputs, and their expressions."""
     missing = {v.name for v in component.of("output")} ^ set(results)
     if missing:
         raise ValueError(f"{component.name}: outputs do not match: {', '.join(sorted(missing))}")
@@ -301,7 +304,7 @@ def _looked_up(
     component: Component, rows: Sequence[Row], w: Symbols, symbols: tuple[Symbols, Symbols],
     arguments: list[Any],
 ) -> tuple[Rows | None, list[Any]]:
-    """Make rows attributes of ``w``: what is read, and what is added to the arguments."""
+    """Make rows attributes of ``w``; returns the rows and the added arguments."""
     if not rows:
         return None, []
     places = [_place(component, row.array) for row in rows]
@@ -341,7 +344,7 @@ def _matrix_shape(shape: tuple[int, ...]) -> tuple[int, int]:
 
 
 def _symbols(shapes: Mapping[str, tuple[int, int]]) -> tuple[SimpleNamespace, Any]:
-    """Symbols by name, and one column of all their elements, each matrix row by row."""
+    """Symbols by name, and one column of all their elements, matrices row by row."""
     symbols = {name: ca.SX.sym(name, *shape) for name, shape in shapes.items()}
     return SimpleNamespace(**symbols), _column(symbols.values())
 

@@ -7,13 +7,13 @@ from .equations import Model, build
 
 
 def load(name: str, **constants: int) -> Model:
-    """Build the model of a component by the name of its FMU, for some constants of the build.
+    """Build the model of a component by the name of its FMU and the constants of the build.
 
     Raises
     ------
     KeyError
-        There is no such component.
+        No component has this name.
     ValueError
-        It cannot be made for such a value.
+        The component cannot be made for this value.
     """
     return build(declared(name, **constants), equations_of(name))

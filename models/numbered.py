@@ -1,4 +1,4 @@
-"""Tables of alternatives, each with a number of its own, and how they are told."""
+"""Tables of numbered alternatives, and their wording."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Protocol, TypeVar
 
 
 class Numbered(Protocol):
-    """One of some alternatives."""
+    """An alternative with a number."""
 
     @property
     def number(self) -> int: ...
@@ -22,7 +22,7 @@ def in_order(what: str, them: Mapping[str, _N]) -> Mapping[str, _N]:
     Raises
     ------
     ValueError
-        Two have the same number.
+        Two alternatives have the same number.
     """
     ordered = dict(sorted(them.items(), key=lambda item: item[1].number))
     first: dict[int, str] = {}
@@ -37,6 +37,6 @@ def in_order(what: str, them: Mapping[str, _N]) -> Mapping[str, _N]:
 
 
 def alternatives(words: Iterable[str]) -> str:
-    """The words of alternatives: ``"one, two, or three"``."""
+    """The alternatives as a phrase: ``"one, two, or three"``."""
     *first, last = words
     return f"{', '.join(first)}, or {last}" if first else last

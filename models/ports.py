@@ -1,4 +1,4 @@
-"""The ports between components, defined once for both ends of each connection."""
+"""Ports between components, defined once for both ends of each connection."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ MOTION = (
 )
 BEACON_POSITIONS = (
     output("beacon_position", "True positions of the beacons, NED", "m", shape=(BEACONS, 3)),
-    output("reported_beacon_position", "Positions that the beacons broadcast, NED: true ones plus "
-           "the errors of GPS, IMU and installation", "m", shape=(BEACONS, 3)),
+    output("reported_beacon_position", "Beacon positions as broadcast, NED: true positions plus "
+           "errors of GPS, IMU and installation", "m", shape=(BEACONS, 3)),
 )
 REPORTED_POSE = (
-    output("reported_position", "Position of the reference point by GPS, NED", "m", shape=(3,)),
-    output("reported_attitude", "Roll, pitch, yaw by IMU", "rad", shape=(3,)),
+    output("reported_position", "GPS position of the reference point, NED", "m", shape=(3,)),
+    output("reported_attitude", "Roll, pitch, yaw from the IMU", "rad", shape=(3,)),
 )
 DEPTH = (
     output("depth", "Newest reading of the depth sensor; 0 before the first", "m",
@@ -35,21 +35,21 @@ RECEPTION = (
            "s", shape=(BEACONS,), variability="discrete"),
     output("reception_count", "Number of packets received from each beacon", shape=(BEACONS,),
            type="Int32", start=0),
-    output("ping_beacon_position", "Where each beacon said it was in its newest received packet, "
-           "NED", "m", shape=(BEACONS, 3), variability="discrete"),
-    output("packet_beacon_position", "Positions of all beacons in the newest received packet, NED",
+    output("ping_beacon_position", "Reported position of each beacon in the newest packet "
+           "received from it, NED", "m", shape=(BEACONS, 3), variability="discrete"),
+    output("packet_beacon_position", "Positions of all beacons in the newest packet received, NED",
            "m", shape=(BEACONS, 3), variability="discrete"),
 )
 PING_POSE = (
-    output("ping_platform_position", "Where the platform said it was in the newest received packet "
-           "of each beacon, NED", "m", shape=(BEACONS, 3), variability="discrete"),
-    output("ping_platform_attitude", "Roll, pitch, yaw that the platform said it had in that "
+    output("ping_platform_position", "Position of the platform in the newest packet received "
+           "from each beacon, NED", "m", shape=(BEACONS, 3), variability="discrete"),
+    output("ping_platform_attitude", "Roll, pitch, yaw of the platform in that "
            "packet", "rad", shape=(BEACONS, 3), variability="discrete"),
-    output("arrival_epoch", "Time at which that packet arrived; the start time before the first",
+    output("arrival_epoch", "Arrival time of that packet; the start time before the first",
            "s", shape=(BEACONS,), variability="discrete"),
 )
 ESTIMATE = (
-    output("valid", "Whether there has been a fix", type="Boolean", start=False),
+    output("valid", "Whether there is an estimate yet", type="Boolean", start=False),
     output("update_count", "Number of valid estimates so far", type="Int32", start=0),
     output("epoch", "Time to which the estimate belongs", "s", variability="discrete"),
     output("position", "Estimated position of the receiver, NED", "m", shape=(3,),
@@ -58,7 +58,7 @@ ESTIMATE = (
            variability="discrete"),
     output("position_std", "Standard deviations of the estimated position, NED", "m", shape=(3,),
            variability="discrete"),
-    output("covariance", "Covariance of (x, vx, y, vy, z, vz), the order of the paper's state, in "
+    output("covariance", "Covariance of (x, vx, y, vy, z, vz), ordered as the paper's state, in "
            "SI units", shape=(6, 6), variability="discrete"),
     output("nis", "Normalised innovation squared of the newest update", variability="discrete"),
     output("nis_degrees", "Number of scalar measurements in that update", type="Int32", start=0),
@@ -70,19 +70,19 @@ SYSTEM = (
            variability="discrete"),
     output("platform_position", "Estimated position of the platform's reference point, NED", "m",
            shape=(3,), variability="discrete"),
-    output("clock_offset", "Estimated receiver's clock minus the beacons'", "s",
+    output("clock_offset", "Estimated offset of the receiver's clock from the beacons' clock", "s",
            variability="discrete"),
     output("sound_speed", "Estimated speed of sound", "m/s", variability="discrete"),
-    output("restart_count", "Number of times the receiver has started anew", type="Int32", start=0),
+    output("restart_count", "Number of restarts of the receiver", type="Int32", start=0),
 )
-"""What a receiver may say of the system around it."""
+"""Outputs by which a receiver reports on the system around it."""
 REQUIRED_ESTIMATE = ("epoch", "position", "update_count")
-"""Outputs that every receiver must have. The others are optional, but their meaning is fixed."""
+"""Outputs that every receiver must have. All others are optional, but their meaning is fixed."""
 
 
 def ports(variables: Iterable[Variable], causality: Causality, prefix: str = ""
           ) -> tuple[Variable, ...]:
-    """The ports as declared at one end, e.g. ``target_position`` as an input."""
+    """The ports as declared at one end, for example ``target_position`` as an input."""
     return tuple(
         replace(v, name=prefix + v.name, causality=causality) for v in variables
     )
@@ -90,13 +90,13 @@ def ports(variables: Iterable[Variable], causality: Causality, prefix: str = ""
 
 def terminal(name: str, kind: TerminalKind, description: str, variables: Iterable[Variable]
              ) -> Terminal:
-    """A terminal whose member names are the names of the variables."""
+    """A terminal whose members have the names of the variables."""
     members: Mapping[str, str] = {v.name: v.name for v in variables}
     return Terminal(name, kind, description, members)
 
 
 BROADCAST = (
-    terminal("beacons", "beacons", "Where the beacons are, and what they say of it",
+    terminal("beacons", "beacons", "Beacon positions, true and as broadcast",
              BEACON_POSITIONS),
     terminal("reported_pose", "reported_pose", "The pose that the platform broadcasts",
              REPORTED_POSE),

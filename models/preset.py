@@ -1,4 +1,4 @@
-"""What a key declares of itself that sets others of its table: the grade of a sensor, the sea."""
+"""Declaration of a key that sets others of its table: the grade of a sensor, the sea."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ class Preset:
     Attributes
     ----------
     name, table
-        The key, and the table of a scenario that it is in.
+        The key, and its table in a scenario.
     about
-        What it is for; ``{}`` stands for its values.
+        Its purpose; ``{}`` stands for its values.
     parameters
-        Parameters in SI units, by name, that a value sets.
+        Function from a value to the parameters that it sets, by name, in SI units.
     values
-        All that it may have: names, or whole numbers that follow each other.
+        All accepted values: names, or consecutive whole numbers.
     """
 
     name: str
@@ -31,7 +31,7 @@ class Preset:
 
     @property
     def description(self) -> str:
-        """What the key is for, with its values."""
+        """Purpose of the key, with its values."""
         first, *_ = values = [*self.values]
         shown = f"{first} to {values[-1]}" if isinstance(first, int) else ", ".join(values)
         return self.about.format(shown)

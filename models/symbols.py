@@ -1,6 +1,6 @@
-"""CasADi, imported when it is first used: a declaration may stand beside its equations.
+"""CasADi, imported on first use, so that declarations may stand next to their equations.
 
-Declarations are read where there is no CasADi, and at the start of every command.
+Declarations are also read without CasADi, and at the start of every command.
 """
 
 from __future__ import annotations
@@ -26,5 +26,5 @@ ca: Any = _Casadi()
 
 
 def absolute(value: Any) -> Any:
-    """The absolute value of a number, an array or a symbol; `abs` takes symbols from 3.8 on."""
+    """The absolute value of a number, an array or a symbol; `abs` accepts symbols from 3.8 on."""
     return value.fabs() if hasattr(value, "fabs") else abs(value)

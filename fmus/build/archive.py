@@ -1,4 +1,4 @@
-"""What is in an FMU, and how it is packed."""
+"""Contents of an FMU, and how they are packed."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def contents(
     token
         FMI 2 ``guid``, FMI 3 ``instantiationToken``, as in the C code.
     sources
-        C files by name; those that end in ``.c`` are to be compiled, the rest are included.
+        C files by name. Those that end in ``.c`` are compiled, all others are included.
     binaries
         Shared libraries by platform, a name of `sblcosim.fmus.platforms`.
     """
@@ -61,7 +61,7 @@ def contents(
 
 
 def _told(model: Model, fmi: Fmi, description: bytes) -> dict[str, bytes]:
-    """The files that say something of the model."""
+    """The files that describe the model."""
     plugs = terminals(model, fmi)
     return {
         DESCRIPTION: description,
@@ -71,13 +71,13 @@ def _told(model: Model, fmi: Fmi, description: bytes) -> dict[str, bytes]:
 
 
 def _without_others(model: Model) -> Model:
-    """The model with those terminals only that name ports of receivers."""
+    """The model with only those terminals that name ports of receivers."""
     own = tuple(terminal for terminal in model.component.terminals if terminal.kind in PORTS)
     return replace(model, component=replace(model.component, terminals=own))
 
 
 def _copyright(text: str) -> str:
-    """The line of a licence that says whose it is."""
+    """The line of a licence that names the copyright holder."""
     return next(line for line in text.splitlines() if line.startswith("Copyright"))
 
 
@@ -90,7 +90,7 @@ def licence() -> str:
         The package was installed without it.
     """
     for distribution in metadata.distributions(name=PACKAGE):
-        # Installed, or (started in the source folder) what a build has left there.
+        # Installed, or (when run from the source folder) left there by a build.
         for file in ("licenses/LICENSE", "../LICENSE"):
             text = distribution.read_text(file)
             if text is not None:
@@ -122,7 +122,7 @@ def _entry(name: str) -> zipfile.ZipInfo:
     """Directory entry that depends on the name alone."""
     entry = zipfile.ZipInfo(name, date_time=(1980, 1, 1, 0, 0, 0))
     entry.compress_type = zipfile.ZIP_DEFLATED
-    entry.create_system = 3  # Unix, wherever it is packed: else the permissions mean nothing
+    entry.create_system = 3  # Unix on every system: otherwise the permissions mean nothing
     permissions = 0o755 if name.startswith("binaries/") else 0o644
     entry.external_attr = (0o100000 | permissions) << 16
     return entry

@@ -20,14 +20,14 @@ def library(compiler: Compiler | None = None) -> Path:
     Raises
     ------
     BuildError
-        It must be built, but CasADi or a compiler is missing, or the compiler fails.
+        The library must be built, but CasADi or a compiler is missing, or the compiler fails.
     """
     platform = this_platform() if compiler is None else compiler.platform
     return factory.kept_library(NAME, key(platform), _sources, True, compiler, True)
 
 
 def key(platform: str) -> str:
-    """A key for everything that it is made from, except the tools; it needs no CasADi."""
+    """Cache key made from all its sources, except the tools; needs no CasADi."""
     made_from = of_module(_SOURCE, BOUND)
     return factory.key_of_sources(
         [platform, made_from], factory.library_units(NAME, True, platform), {}

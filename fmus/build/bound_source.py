@@ -1,4 +1,4 @@
-"""The C of the bound's equations: tables and rows of each model, from its CasADi functions."""
+"""C code of the bound's equations: tables and rows of each model, from its CasADi functions."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def _parameters(bound: Bound) -> tuple[str, ...]:
 
 
 def _sizes(bound: Bound) -> tuple[int, int]:
-    """Elements of a transition, and of the longest row with its variance."""
+    """Number of elements of a transition, and of the longest row with its variance."""
     p, s = _parameter_symbols(bound)[1], _surroundings()[1]
     rows = [len(row.of(ca, p, s).row) + 1 for row in bound.rows]
     return sum(map(len, bound.transition(ca, p, ca.SX.sym("dt")))), max(rows)
@@ -53,7 +53,7 @@ def _parameter_symbols(bound: Bound) -> tuple[Any, Any]:
 
 
 def _surroundings() -> tuple[Any, Any]:
-    """The same of what is true at an epoch, in sequences."""
+    """The same for the true values at an epoch, as sequences."""
     parts = {name: ca.SX.sym(name, length) for name, length in SURROUNDINGS.items()}
     return ca.vertcat(*parts.values()), SimpleNamespace(
         **{name: ca.vertsplit(part) for name, part in parts.items()}
@@ -98,7 +98,7 @@ def _model(name: str, bound: Bound) -> Iterator[str]:
 
 
 def _rows(name: str, bound: Bound, column: Any, p: Any) -> Iterator[str]:
-    """A function for each measurement: the derivatives that are not 0, then the variance."""
+    """A function for each measurement: its nonzero derivatives, then the variance."""
     surroundings, s = _surroundings()
     lines = []
     for number, row in enumerate(bound.rows):
@@ -123,7 +123,7 @@ def _row(name: str, number: int, row: Row, used: int) -> str:
 
 
 def _covariance(size: int) -> Any:
-    """A symmetric matrix of symbols, of its upper triangle alone."""
+    """A symmetric matrix of symbols, built from its upper triangle."""
     P = ca.SX.sym("P", size, size)
     return ca.triu2symm(ca.triu(P))
 
@@ -137,7 +137,7 @@ def _function(
     signature: str, column: Any, values: Sequence[Any], result: str,
     elements: Array | None = None,
 ) -> str:
-    """A C function of a column of symbols; their elements are ``p`` unless said otherwise."""
+    """A C function of a column of symbols; its elements are ``p`` unless named otherwise."""
     name = signature.partition("(")[0]
     function = ca.Function(name, [column], [ca.densify(ca.vertcat(*values))])
     names = [part.split()[-1].strip("* ") for part in signature[len(name) + 1 : -1].split(",")]

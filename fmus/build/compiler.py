@@ -1,4 +1,4 @@
-"""The C compiler: the system's, else the one that the package ``ziglang`` brings.
+"""The C compiler: the system's, or the one from the package ``ziglang``.
 
 The latter compiles for every platform.
 """
@@ -21,10 +21,10 @@ from ..errors import BuildError
 from ..platforms import PLATFORMS, ZIG_TARGETS, this_platform
 
 VARIABLE = "SBLCOSIM_CC"
-"""Environment variable that names the compiler to use, e.g. ``clang`` or ``zig``."""
+"""Environment variable that names the compiler to use, for example ``clang`` or ``zig``."""
 
-# No contraction to fused multiply-adds and no errno: the same bits on every machine. Nothing but
-# the functions of the standard is exported, and nothing of ours can be replaced from outside.
+# No contraction to fused multiply-adds and no errno: the same bits on every machine. Only the
+# functions of the standard are exported, and none of ours can be replaced from outside.
 FLAGS = (
     "-std=c11", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fPIC", "-fvisibility=hidden",
     "-Wall", "-Wextra", "-Werror", "-Wno-psabi",
@@ -45,9 +45,9 @@ class Compiler:
     command
         Program and first arguments.
     identity
-        Changes when the compiler changes; part of what a cached FMU is known by.
+        Changes with the compiler; part of the key of a cached FMU.
     platform
-        What it compiles for; a name of `sblcosim.fmus.platforms`.
+        Target platform; a name of `sblcosim.fmus.platforms`.
     """
 
     command: tuple[str, ...]
@@ -64,7 +64,7 @@ class Compiler:
         BuildError
             The compiler cannot be started or reports an error; the message holds its output.
         """
-        # Relative names: the path of the folder must not get into the object.
+        # Relative names keep the path of the folder out of the object.
         folders = [f"-I{path}" for path in (".", *include)]
         self._run([*FLAGS, *flags, *folders, "-c", source, "-o", output], folder)
 
@@ -87,7 +87,7 @@ class Compiler:
                 env={
                     **os.environ,
                     "SOURCE_DATE_EPOCH": "315532800",  # 1980: DLLs have a date
-                    "TMPDIR": str(folder),  # a compiler that is killed leaves its files
+                    "TMPDIR": str(folder),  # a compiler that is killed leaves its files here
                 },
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
@@ -108,7 +108,7 @@ def zig(platform: str | None = None) -> Compiler | None:
     Parameters
     ----------
     platform
-        What to compile for; None: this machine as it is.
+        Target platform; None: this machine.
     """
     spec = importlib.util.find_spec("ziglang")
     if spec is None:
@@ -137,7 +137,7 @@ def for_every_platform() -> tuple[Compiler, ...]:
 
 
 def system(name: str) -> Compiler | None:
-    """A compiler on the search path, if it is there."""
+    """A compiler on the search path, if there is one."""
     path = shutil.which(name)
     if path is None:
         return None
@@ -152,14 +152,14 @@ def find() -> Compiler:
     Raises
     ------
     BuildError
-        There is none, or the one asked for is missing.
+        There is no compiler, or the requested one is missing.
     """
     wanted = os.environ.get(VARIABLE)
     if wanted:
         compiler = zig() if wanted == "zig" else system(wanted)
         if compiler is None:
             raise BuildError(
-                f"{VARIABLE}: must name a compiler, got {wanted!r}, which is not there"
+                f"{VARIABLE}: must name a compiler that exists, got {wanted!r}"
             )
         return compiler
     for name in ("cc", "gcc", "clang"):

@@ -21,7 +21,7 @@ PACKAGE = "sblcosim"
 
 LOG_CATEGORIES: Mapping[str, str] = {
     "logStatusError": "A call that failed",
-    "logStatusWarning": "A call that did what was asked, with something to know about it",
+    "logStatusWarning": "A call that succeeded, with a remark",
     "logStatusDiscard": "A call that was refused; the state is unchanged",
 }
 
@@ -40,12 +40,12 @@ def base_unit(name: str) -> dict[str, int]:
     Returns
     -------
     dict
-        FMI's attributes of a BaseUnit, those that are 0 left out.
+        FMI's attributes of a BaseUnit, without those that are 0.
 
     Raises
     ------
     ValueError
-        The name is none of that kind.
+        The name is not of this form.
     """
     exponents: dict[str, int] = {}
     above, slash, below = name.partition("/")
@@ -53,7 +53,7 @@ def base_unit(name: str) -> dict[str, int]:
         for factor in factors.split("."):
             power = _POWER.fullmatch(factor)
             if power is None:
-                raise ValueError(f"unit: must be powers of SI units, as m2/s3, got {name!r}")
+                raise ValueError(f"unit: must be powers of SI units such as m2/s3, got {name!r}")
             base, sense = ("s", -sign) if power[1] == "Hz" else (power[1], sign)
             exponents[base] = exponents.get(base, 0) + sense * int(power[2] or 1)
     return {base: n for base, n in exponents.items() if n}
@@ -62,9 +62,9 @@ def base_unit(name: str) -> dict[str, int]:
 def value_references(component: Component) -> Mapping[str, int]:
     """Value reference of the first element of each variable.
 
-    The elements of all variables are numbered 1, 2, 3, … in the order of declaration, arrays row
-    by row. In FMI 2 the number of an element is its value reference, in FMI 3 the number of an
-    array's first element is the reference of the array. 0 is the independent variable.
+    The elements of all variables are numbered 1, 2, 3, … in the order of declaration, arrays row by
+    row. In FMI 2 the number of an element is its value reference. In FMI 3 the number of an array's
+    first element is the reference of the array. 0 is the independent variable.
     """
     references: dict[str, int] = {}
     following = 1
@@ -88,7 +88,7 @@ def model_description(
     sources
         Names of the C files to compile, relative to the folder ``sources``.
     copyright_
-        Whose it is; None: it does not say.
+        Copyright holder; None: not stated.
     """
     component = model.component
     pairs = _feedthrough(model, fmi)
@@ -117,8 +117,8 @@ def model_description(
 def terminals(model: Model, fmi: Fmi) -> bytes | None:
     """Return terminalsAndIcons/terminalsAndIcons.xml, or None for a component without terminals.
 
-    In FMI 2 each element of an array is a member of its own. The version in the file is that of
-    the standard that defines the file, FMI 3.0, in both cases.
+    In FMI 2 each element of an array is a separate member. In both cases, the version in the file
+    is that of the standard that defines the file, FMI 3.0.
     """
     component = model.component
     if not component.terminals:
@@ -155,7 +155,7 @@ def build_description(
 ) -> bytes:
     """Return sources/buildDescription.xml, the recipe for compiling the sources elsewhere.
 
-    FMI 3 defines the file, and FMI 2 takes it over as it is.
+    FMI 3 defines the file; FMI 2 uses it unchanged.
 
     Parameters
     ----------
@@ -288,7 +288,7 @@ def _display_unit(name: str) -> str | None:
 
 
 def _attributes(variable: Variable, name: str, reference: int) -> dict[str, str]:
-    """Attributes that stand with the name in both versions."""
+    """Attributes that both versions put next to the name."""
     attributes = {
         "name": name,
         "valueReference": str(reference),
@@ -302,7 +302,7 @@ def _attributes(variable: Variable, name: str, reference: int) -> dict[str, str]
 
 
 def _type_attributes(variable: Variable, starts: Iterable[Number]) -> dict[str, str]:
-    """Attributes that stand with the type in both versions."""
+    """Attributes that both versions put next to the type."""
     attributes: dict[str, str] = {}
     if variable.unit is not None:
         attributes["unit"] = variable.unit
@@ -319,7 +319,7 @@ def _type_attributes(variable: Variable, starts: Iterable[Number]) -> dict[str, 
 
 
 def _variables(root: ET.Element, component: Component, fmi: Fmi) -> None:
-    """Add all variables; FMI 3 wants the time among them."""
+    """Add all variables; FMI 3 requires the time to be one of them."""
     variables = ET.SubElement(root, "ModelVariables")
     if fmi == 3:
         ET.SubElement(
@@ -364,7 +364,7 @@ def _variable(parent: ET.Element, variable: Variable, reference: int) -> None:
 def _structure(
     root: ET.Element, component: Component, fmi: Fmi, pairs: set[tuple[int, int]]
 ) -> None:
-    """Add which output depends on what: at any time, and at initialisation."""
+    """Add the dependencies of the outputs: at any time, and at initialisation."""
     references = value_references(component)
 
     def unknowns(variables: Iterable[Variable]) -> list[int]:
@@ -384,7 +384,8 @@ def _structure(
         parent = ET.SubElement(structure, group) if fmi == 2 else structure
         for output, known in inputs.items():
             dependencies = [*others, *known]
-            # In FMI 2 the index counts variables from 1, which makes it the value reference.
+            # In FMI 2 the index counts variables from 1, which makes it equal to the value
+            # reference.
             unknown = ET.SubElement(
                 parent,
                 "Unknown" if fmi == 2 else name,

@@ -1,4 +1,4 @@
-"""The page that an FMU carries about itself."""
+"""The documentation page inside an FMU."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _FORMULA = re.compile(r"(?P<fence>\${1,2})(?P<formula>.+?)(?P=fence)", re.DOTALL
 
 
 def index_html(model: Model, fmi: Fmi) -> str:
-    """Return documentation/index.html: one file, readable without a network."""
+    """Return documentation/index.html: one file that is readable offline."""
     component = model.component
     template = files(__package__).joinpath("documentation.html.jinja").read_text("utf-8")
     environment = jinja2.Environment(
@@ -63,7 +63,7 @@ def _starts(variable: Variable) -> str:
 
 
 def _once(texts: Sequence[str]) -> Sequence[str]:
-    """One value for all elements is shown once."""
+    """A value common to all elements is shown once."""
     return texts[:1] if len(set(texts)) == 1 else texts
 
 
@@ -102,7 +102,7 @@ def markdown(text: str) -> str:
 
 
 def _formula(state: StateInline, silent: bool) -> bool:
-    """Show a formula between dollar signs like code: emphasis and escapes would garble it."""
+    """Show a formula between dollar signs as code: emphasis and escapes would garble it."""
     match = _FORMULA.match(state.src, state.pos)
     if match is None:
         return False

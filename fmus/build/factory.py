@@ -37,9 +37,9 @@ CACHE_VARIABLE = "SBLCOSIM_CACHE"
 """Environment variable that names the folder for built FMUs, instead of the user's cache."""
 
 USERS = "user-"
-"""Begins the names of folders in the cache that hold FMUs of users' receivers."""
+"""Prefix of folders in the cache that hold FMUs of users' receivers."""
 READY = Path(__file__).parents[1] / "ready"
-"""The folder for what a release brings ready-made, in folders named after its `key`."""
+"""The folder for ready-made FMUs of a release, in folders named after their `key`."""
 
 
 def build(
@@ -49,7 +49,7 @@ def build(
     baked: Component | None = None,
     **constants: int,
 ) -> Path:
-    """Return the FMU of a component; it is built if it has changed.
+    """Return the FMU of a component, built anew only if it has changed.
 
     Parameters
     ----------
@@ -58,24 +58,23 @@ def build(
     fmi
         Version of the standard, 2 or 3.
     all_platforms
-        Whether it is to run on all of `sblcosim.fmus.platforms.PLATFORMS`, not only on this one.
+        Whether it must run on all of `sblcosim.fmus.platforms.PLATFORMS`, or only on this one.
     baked
-        The component's declaration with start values and a default experiment of one's own. Such
-        an FMU is for other tools: it has no engine for many simulations.
+        The component's declaration with other start values and another default experiment. Such an
+        FMU is for other tools: it has no engine for many simulations.
     constants
-        Constants of the build, where they are not as usual: ``beacons=6``.
+        Constants of the build that differ from the usual ones: ``beacons=6``.
 
     Returns
     -------
     Path
-        ``NAME.fmu``, or ``NAME6.fmu`` where a constant of the build is not as usual: the one that
-        came along with the package, or one in the user's cache, in a folder named after all its
-        sources and tools.
+        ``NAME.fmu``, or ``NAME6.fmu`` if a constant of the build is unusual: the one included in
+        the package, or one in the user's cache, in a folder named after all its sources and tools.
 
     Raises
     ------
     BuildError
-        There is no such component, it cannot be made for such constants, CasADi or a compiler is
+        There is no such component, it cannot be made for these constants, CasADi or a compiler is
         missing, or the compiler fails.
     """
     if baked is None:
@@ -102,7 +101,7 @@ def _built(
     ready = _ready(of, file) if baked is None else None
     if ready is not None:
         return ready
-    _versions()  # without CasADi no compiler helps
+    _versions()  # without CasADi, a compiler does not help
     ccs = compilers.for_every_platform() if all_platforms else (compilers.find(),)
     path = cache() / _fingerprint(of, ccs, baked) / file
     if not _usable(path):
@@ -119,7 +118,7 @@ def write(
     baked: Component | None = None,
     **constants: int,
 ) -> None:
-    """Build the FMU of a component, with its SHA-256 in a file beside it.
+    """Build the FMU of a component, and write its SHA-256 to a file next to it.
 
     Equal sources and compilers give equal bytes.
 
@@ -139,19 +138,20 @@ def write(
 
 
 def kept_fmu(file: str, of: str, make: Callable[[], Model], fmi: Fmi) -> Path:
-    """The FMU of a model that is not ours, for this machine; it is built if it has changed.
+    """The FMU of a model that is not ours, for this machine; built anew only if it has changed.
 
     Parameters
     ----------
     of
-        Key of all that the model is made from, which is made only where it must be compiled.
+        Cache key of everything that the model is made from. The model is made only if it must be
+        compiled.
 
     Raises
     ------
     BuildError
         CasADi or a compiler is missing, or the compiler fails.
     """
-    _versions()  # without CasADi no compiler helps
+    _versions()  # without CasADi, a compiler does not help
     compiler = compilers.find()
     folder = f"{USERS}{_fingerprint(_digest([of, fmi]).hexdigest(), (compiler,))}"
     path = cache() / folder / file
@@ -179,24 +179,24 @@ def _write_model(
 
 
 def _ready(of: str, file: str) -> Path | None:
-    """A file that came along ready-made from the same sources, unless a compiler is asked for."""
+    """A ready-made file from the same sources, unless a compiler is requested."""
     path = READY / of / file
     if not path.is_file() or os.environ.get(compilers.VARIABLE):
         return None
     if intact(path):
         return path
-    _warn(f"{path}: must be as it came with sblcosim, got other bytes; until it is installed again "
-          "(pip install --force-reinstall --no-deps sblcosim) it has to be built")
+    _warn(f"{path}: must be as shipped with sblcosim, got other bytes; it is built instead, until "
+          "it is installed again (pip install --force-reinstall --no-deps sblcosim)")
     return None
 
 
 def _usable(path: Path) -> bool:
-    """Whether a file is in the cache and as it was written."""
+    """Whether a file is in the cache and unchanged."""
     if not path.is_file():
         return False
     if intact(path):
         return True
-    _warn(f"{path}: must be as it was written, got other bytes; it is built again")
+    _warn(f"{path}: must be as it was written, got other bytes; it is being built again")
     return False
 
 
@@ -211,19 +211,19 @@ def cache() -> Path:
 
 
 def _make_folder(path: Path) -> None:
-    """Make the folder of a file in the cache, before time is spent on its content."""
+    """Make the folder of a file in the cache, before spending time on its content."""
     with _caching():
         path.parent.mkdir(parents=True, exist_ok=True)
 
 
 @contextmanager
 def _caching() -> Iterator[None]:
-    """Say what is wrong if the cache cannot be written to."""
+    """Explain the problem if the cache cannot be written to."""
     try:
         yield
     except OSError as error:
         raise BuildError(
-            f"{CACHE_VARIABLE}: must be a folder that can be written to, got {cache()} "
+            f"{CACHE_VARIABLE}: must be a writable folder, got {cache()} "
             f"({error.strerror or error})"
         ) from error
 
@@ -237,14 +237,14 @@ def engine_sources(model: Model) -> dict[str, bytes]:
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """A source file to compile, perhaps one of several times with other flags."""
+    """A source file to compile, perhaps one of several times with different flags."""
 
     source: str
     flags: tuple[str, ...] = ()
 
 
 def lane_units(source: str, platform: str) -> tuple[Unit, ...]:
-    """One build of a source per number of lanes worth having on a platform."""
+    """One build of a source for each useful number of lanes of a platform."""
     sets: dict[int, tuple[str, ...]] = {1: (), 2: ()}
     if platform.startswith("x86_64-"):
         sets |= {4: ("-mavx2",), 8: ("-mavx512f", "-mavx512dq")}
@@ -257,16 +257,16 @@ def library(
     lanes: bool = False,
     compiler: compilers.Compiler | None = None,
 ) -> Path:
-    """Return the shared library of ``NAME.c``; it is compiled if it has changed.
+    """Return the shared library of ``NAME.c``, compiled anew only if it has changed.
 
     Parameters
     ----------
     sources
-        All C files by name, those that are only included, too.
+        All C files by name, including those that are only included.
     lanes
-        Whether it is compiled once per number of lanes.
+        Whether to compile it once per number of lanes.
     compiler
-        By default one for this process, if the library did not come along with the package.
+        By default one for this process, unless the package includes the library.
 
     Raises
     ------
@@ -286,21 +286,21 @@ def kept_library(
     compiler: compilers.Compiler | None = None,
     generated: bool = False,
 ) -> Path:
-    """The same of sources that are known by a key, and made only where it must be compiled.
+    """The same for sources that are identified by a key and made only if they must be compiled.
 
     Parameters
     ----------
     of
-        Key of all that the sources are made from, for the platform.
+        Cache key of everything that the sources are made from, for the platform.
     generated
-        Whether the sources are made with CasADi, whose version counts then.
+        Whether CasADi makes the sources; its version is then part of the key.
     """
     platform = this_platform() if compiler is None else compiler.platform
     file = f"{name}{suffix(platform)}"
     ready = _ready(of, file) if compiler is None else None
     if ready is not None:
         return ready
-    tools = _versions() if generated else []  # without CasADi no compiler helps
+    tools = _versions() if generated else []  # without CasADi, a compiler does not help
     compiler = compiler or compilers.find()
     facts = [of, compiler.command, compiler.identity, SEAL, *tools]
     path = cache() / _digest(facts).hexdigest()[:32] / file
@@ -313,7 +313,7 @@ def kept_library(
 
 
 def library_units(name: str, lanes: bool, platform: str) -> tuple[Unit, ...]:
-    """What a library is compiled from."""
+    """The inputs of a library's compilation."""
     return lane_units(f"{name}.c", platform) if lanes else (Unit(f"{name}.c"),)
 
 
@@ -328,7 +328,7 @@ def compile_shared(
     Parameters
     ----------
     sources
-        All files by name, those that are only included, too.
+        All files by name, including those that are only included.
     objects
         Further objects to link.
 
@@ -375,9 +375,9 @@ def _lane_objects(name: str, compiler: compilers.Compiler, **constants: int) -> 
 
 
 def _lanes_of(model: Model, compiler: compilers.Compiler) -> list[bytes]:
-    """The engines for many simulations; kept, as they are the most of a build.
+    """The engines for many simulations; cached, because they take most of a build.
 
-    They are the same for both versions of FMI, and whatever is said about the variables.
+    They are the same for both versions of FMI and for all descriptions of the variables.
     """
     sources = {**engine_sources(model), **c_files(LANES)}
     units = [Unit("dispatch.c"), *lane_units("lanes.c", compiler.platform)]
@@ -401,19 +401,19 @@ def fmi_headers() -> Path:
 
 
 def key(name: str, fmi: Fmi, **constants: int) -> str:
-    """A name for the sources of an FMU and the flags; reading them needs no CasADi."""
+    """Cache key of an FMU, made from its sources and the flags; needs no CasADi."""
     return _digest([name, fmi, ingredients(name, fmi, **constants)]).hexdigest()[:32]
 
 
 def library_key(name: str, sources: Mapping[str, bytes], lanes: bool, platform: str) -> str:
-    """A name for the sources of a `library` and the flags, without the compiler."""
+    """Cache key of a `library`, made from its sources and the flags, without the compiler."""
     return key_of_sources([platform], library_units(name, lanes, platform), sources)
 
 
 def key_of_sources(
     facts: Sequence[object], units: Sequence[Unit], sources: Mapping[str, bytes]
 ) -> str:
-    """A name for what units of sources are compiled to."""
+    """Cache key of the objects compiled from units of sources."""
     digest = _digest([*facts, [(unit.source, unit.flags) for unit in units]])
     for file in sorted(sources):
         digest.update(file.encode() + b"\0" + sources[file] + b"\0")
@@ -423,14 +423,14 @@ def key_of_sources(
 def _fingerprint(
     of: str, ccs: Sequence[compilers.Compiler], baked: Component | None = None
 ) -> str:
-    """A name for the sources of an FMU, whose `key` it is `of`, the flags and the tools."""
+    """Cache key of an FMU, made from the `key` of its sources (`of`), the flags and the tools."""
     tools = [(cc.command, cc.identity, cc.platform) for cc in ccs]
     return _digest([of, tools, _versions(), repr(baked)]).hexdigest()[:32]
 
 
 @remember
 def _versions() -> list[str]:
-    """Of what makes C from equations; a `BuildError` where it is not there."""
+    """Versions of the tools that make C from equations; a `BuildError` if they are missing."""
     try:
         return [metadata.version(package) for package in ("sblcosim", "casadi", "fmpy")]
     except metadata.PackageNotFoundError as error:

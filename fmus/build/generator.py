@@ -75,7 +75,7 @@ def _sizes(model: Model, n_blocks: int) -> dict[str, int]:
 def state_indices(model: Model) -> list[int]:
     """Index of each state in ``x``, the array of all outputs and, after them, of the states.
 
-    A state that is an output as it is, in all variants, is kept in that output.
+    A state that equals an output in all variants is stored in that output.
     """
     shown = set.intersection(*map(_shown, (f.output for f in model.variants.values())))
     indices: dict[int, int] = {}
@@ -89,7 +89,7 @@ def state_indices(model: Model) -> list[int]:
 
 
 def _constants(output: ca.Function) -> dict[int, float]:
-    """Outputs that are always the same number: they are written at the start, and never again."""
+    """Outputs that are constant: they are written at the start and never again."""
     registers: dict[int, float] = {}
     constant = {}
     for i in range(output.n_instructions()):
@@ -106,7 +106,7 @@ def _constants(output: ca.Function) -> dict[int, float]:
 
 
 def _shown(output: ca.Function) -> set[tuple[int, int]]:
-    """Outputs that are states, and which."""
+    """Outputs that equal a state, and that state."""
     registers: dict[int, int] = {}
     shown = set()
     for i in range(output.n_instructions()):
@@ -122,7 +122,7 @@ def _shown(output: ca.Function) -> set[tuple[int, int]]:
 
 
 _ROW = """\
-/* A row of an array of parameters; of an index outside of it, or of none, the nearest one. */
+/* A row of an array of parameters; an index outside it, or none, gives the nearest row. */
 static inline void model_row(const real *array, int count, int width, real index, real *row)
 {
     for (int lane = 0; lane < LANES; lane++) {
@@ -141,7 +141,7 @@ def _row(model: Model) -> Iterator[str]:
 
 
 def _looked_up(functions: Functions, occasion: str, arguments: Sequence[Array]) -> list[str]:
-    """Statements that look up the rows of a function: into ``r``, one after another."""
+    """Statements that look up the rows of a function and store them in ``r``, one after another."""
     rows = functions.rows.get(occasion)
     if rows is None:
         return []
@@ -161,7 +161,7 @@ def _x(model: Model) -> list[str]:
 
 
 def _equations(model: Model) -> Iterator[str]:
-    """What an engine does at the start, at a tick and for the outputs."""
+    """Functions of an engine for the start, the ticks and the outputs."""
     x = _x(model)
     y = [f"x[{i}]" for i in range(sum(v.size for v in model.component.of("output")))]
     initial = _printed(model, lambda f: f.initial, ["p", "w", ["t"]], x, "", ("initial", ["p"]))
@@ -192,7 +192,7 @@ def _equations(model: Model) -> Iterator[str]:
 
 
 def _loops(model: Model) -> Iterator[str]:
-    """Guard and body of each loop, and the functions that choose among them by its number."""
+    """Guard and body of each loop, and the functions that select them by number."""
     x = _x(model)
     loops = (*model.advance, *model.iterate)
     for number, loop in enumerate(loops):
@@ -239,7 +239,7 @@ def _loops(model: Model) -> Iterator[str]:
 
 
 def _jacobian(model: Model) -> Iterator[str]:
-    """The derivatives of the outputs, where they depend on inputs directly."""
+    """Derivatives of the outputs, where they depend directly on inputs."""
     if not model.feedthrough:
         return
     cases = {}
@@ -288,7 +288,7 @@ def _printed(
 
 
 def _variants(signature: str, cases: Mapping[int, Sequence[str]], unused: Sequence[str]) -> str:
-    """A procedure with the statements of each variant; a single one needs no selection."""
+    """A procedure with the statements of each variant; a single variant needs no selection."""
     cases = {v: [*(f"(void){name};" for name in unused), *lines] for v, lines in cases.items()}
     if len(cases) == 1:
         return procedure(signature, next(iter(cases.values())), ["variant"])
@@ -299,7 +299,7 @@ def _variants(signature: str, cases: Mapping[int, Sequence[str]], unused: Sequen
 
 
 def procedure(signature: str, lines: Sequence[str], unused: Sequence[str] = ()) -> str:
-    """A C function without a result, some of whose arguments may not be used."""
+    """A C function without a result, some of whose arguments may be unused."""
     body = [*(f"(void){name};" for name in unused), *lines]
     indented = [f"    {line}" for line in body]
     return "\n".join([f"static inline void {signature}", "{", *indented, "}", ""])

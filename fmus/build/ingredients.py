@@ -1,9 +1,9 @@
-"""What an FMU is made from, as a hash: a changed model changes its own FMU and no other.
+"""Hash of an FMU's ingredients: a changed model changes its own FMU and no other.
 
-A component's sources are its module of equations and what that imports, as the import statements
-say; of a folder inside a component's, all modules. Reading them needs no CasADi. A module of
-declarations (``variables``) counts by what is taken from it, so that the declaration of one
-receiver is not an ingredient of the others.
+A component's sources are its module of equations and the modules that it imports, according to the
+import statements; in a folder inside a component's folder, all modules. Reading them needs no
+CasADi. A module of declarations (``variables``) counts only by the names taken from it, so that the
+declaration of one receiver is not an ingredient of the others.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ _BUILD = f"{_FMUS}.build"
 _NO_INGREDIENTS = (
     f"{_FMUS}.files", f"{_BUILD}.bound", f"{_BUILD}.bound_source", f"{_BUILD}.ours",
 )
-"""Modules that decide nothing about an FMU: files only writes what is complete, bounds are in no
-FMU, and whether a file is ours is asked when it is there."""
+"""Modules that do not affect an FMU: files only writes what is complete, bounds are in no FMU, and
+ours only asks whether an existing file was built here."""
 _RECEIVERS = "receiver"
 _DECLARATIONS = "variables"
 """Name of the modules that hold a folder's declarations."""
@@ -35,7 +35,7 @@ _DECLARATIONS = "variables"
 
 @dataclass(frozen=True, slots=True)
 class Import:
-    """What a module takes from another one; no name: the module itself."""
+    """A name that a module imports from another one; without a name, the module itself."""
 
     module: str
     name: str = ""
@@ -43,7 +43,7 @@ class Import:
 
 @cache
 def ingredients(name: str, fmi: Fmi, **constants: int) -> str:
-    """Hash of everything that the FMU of a component is made from, but the tools; read once.
+    """Hash of all ingredients of a component's FMU except the tools; computed once.
 
     Parameters
     ----------
@@ -60,12 +60,12 @@ def ingredients(name: str, fmi: Fmi, **constants: int) -> str:
 
 @cache
 def of_user(identity: str, fmi: Fmi) -> str:
-    """The same of a component that is not ours, which may be made of anything of our receivers.
+    """The same for a component of others, which may use any part of our receivers.
 
     Parameters
     ----------
     identity
-        What it is known by itself.
+        Identity of the component itself.
     """
     folder = resources.files(f"{_MODELS}.{_RECEIVERS}")
     names = sorted(file.name for file in folder.iterdir() if file.name.endswith(".py"))
@@ -88,7 +88,7 @@ def _ingredients(declared: str, roots: tuple[str, ...], fmi: Fmi, files: dict[st
 
 @cache
 def of_module(name: str, files: tuple[str, ...]) -> str:
-    """Hash of a module of ours with all that it imports, and of C files."""
+    """Hash of one of our modules with everything that it imports, and of C files."""
     digest = hashlib.sha256()
     for part in _closure((name,), ()):
         digest.update(part.encode() + b"\0")
@@ -100,7 +100,7 @@ def of_module(name: str, files: tuple[str, ...]) -> str:
 def _closure(
     roots: tuple[str, ...], without: tuple[str, ...] = _NO_INGREDIENTS
 ) -> list[str]:
-    """The modules and all that they import of ours, each as a text that changes with it."""
+    """Our modules and their imports, each as a text that changes with it."""
     parts: dict[str, str] = {}
     waiting = [Import(root) for root in roots]
     while waiting:
@@ -119,7 +119,7 @@ def _closure(
 
 
 def _declared(wanted: Import) -> str:
-    """The value of a name that is taken from declarations, if that says all there is to say."""
+    """The value of a name taken from declarations, if its ``repr`` is complete."""
     if not wanted.name or wanted.module.rpartition(".")[2] != _DECLARATIONS:
         return ""
     value = getattr(import_module(wanted.module), wanted.name)
@@ -127,7 +127,7 @@ def _declared(wanted: Import) -> str:
 
 
 def _is_plain(value: object) -> bool:
-    """Whether a value is of those whose ``repr`` is all of it."""
+    """Whether the ``repr`` of a value is complete."""
     if isinstance(value, dict):
         return all(map(_is_plain, (*value, *value.values())))
     if isinstance(value, tuple | list):
@@ -147,13 +147,13 @@ def _build_modules() -> tuple[str, ...]:
 
 @cache
 def _source(module: str) -> str:
-    """The source of a module, read once: it has been imported or will be."""
+    """The source of a module, read once: it has been or will be imported."""
     return _file(module).read_text("utf-8")
 
 
 @cache
 def _imports(module: str) -> tuple[Import, ...]:
-    """What a module takes from modules of ours, wherever in it the import stands."""
+    """Imports of a module from our modules, at any place in the module."""
     return tuple(
         wanted
         for match in _IMPORT.finditer(_source(module))
@@ -169,7 +169,7 @@ def _is_there(module: str) -> bool:
 
 @cache
 def _found(package: str) -> tuple[Import, ...]:
-    """The modules of a folder inside a component's: they are found, no list names them."""
+    """The modules of a folder inside a component's folder: they are found, not listed."""
     component, _, inner = package.removeprefix(f"{_MODELS}.").partition(".")
     folder = _root(_MODELS).joinpath(component, *inner.split("."))
     if not package.startswith(f"{_MODELS}.") or not inner or not folder.is_dir():
@@ -185,7 +185,7 @@ _IMPORT = re.compile(
     r"import[ \t]+(?:\((?P<many>[^)]*)\)|(?P<few>[^\n(;]+))",
     re.MULTILINE,
 )
-"""An import statement. A text is read in a tenth of the time that its syntax tree takes."""
+"""An import statement. Searching the text takes a tenth of the time of parsing it."""
 
 
 def _imported(module: str, statement: re.Match[str]) -> Iterator[Import]:
@@ -198,7 +198,7 @@ def _imported(module: str, statement: re.Match[str]) -> Iterator[Import]:
     parents = module.split(".")[:-level] if level else []
     origin = ".".join([*parents, *filter(None, [statement["origin"]])])
     for name in names:
-        # A name is a module of the package, or something in the module that is named first.
+        # A name is a module of the package, or something in the module named first.
         yield Import(f"{origin}.{name}")
         yield Import(origin, name)
 

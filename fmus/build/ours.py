@@ -1,4 +1,4 @@
-"""Which FMUs were built here: known by their bytes, so that nothing in them is run to find out."""
+"""Which FMUs were built here: recognised by their bytes, so that none is run to find out."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from . import factory
 
 
 def is_build(path: Path, identifier: str, sha256: str) -> bool:
-    """Whether an FMU is among those that came along or are cached, built of equations.
+    """Whether an FMU is a ready-made or cached one, built from equations.
 
     Parameters
     ----------
     path
-        Of the FMU; one that is a copy is looked for by its content.
+        The FMU. A copy is looked for by its content.
     identifier
-        Of its model.
+        Model identifier.
     sha256
-        Of its content.
+        SHA-256 of its content.
     """
     return any(
         intact(built) and sha256_of(built) == sha256 for built in _candidates(path, identifier)
@@ -31,7 +31,7 @@ def is_build(path: Path, identifier: str, sha256: str) -> bool:
 
 def _candidates(path: Path, identifier: str) -> Iterator[Path]:
     folders = factory.READY, factory.cache()
-    if path.parent.parent in folders:  # a cache may hold a thousand: what was built is seen at once
+    if path.parent.parent in folders:  # no search through a cache, which may hold a thousand FMUs
         yield path
     for name, component in COMPONENTS.items():
         if re.fullmatch(rf"{component.name}\d*", identifier):

@@ -1,8 +1,8 @@
 """From a CasADi function to straight-line C.
 
-A CasADi function of scalars is a list of elementary instructions. They are printed one by one over
-a type ``real`` (``c/real.h``) that is a double in an FMU, or a vector of doubles, one per
-simulation, in a study: the same text, and the same bits.
+A CasADi function of scalars is a list of elementary instructions. They are printed one by one for a
+type ``real`` (``c/real.h``): a double in an FMU, or in a study a vector of doubles, one per
+simulation. The text is the same, and so are the bits.
 """
 
 from __future__ import annotations
@@ -56,15 +56,15 @@ _LOGIC_OF_CONDITIONS: Mapping[int, str] = {
     ca.OP_FMIN: "{0} & {1}",
     ca.OP_FMAX: "{0} | {1}",
 }
-"""What arithmetic with two conditions, which are 0 or 1, amounts to."""
+"""Results of arithmetic on two conditions, which are 0 or 1."""
 
 _COSTLY = tuple(
     f"r_{name}(" for name in ("sin", "cos", "tan", "exp", "log", "atan", "atan2", "asin", "acos")
 )
 _ZERO = f"r_set1({0.0.hex()})"
 _WHOLE, _PART = 1000, 400
-"""Statements of a function that is left whole, and of each part of a longer one, which ends with a
-mark for the compiler (``END_OF_PART`` in real.h)."""
+"""Number of statements of a function that stays whole, and of each part of a longer one. Each part
+ends with a mark for the compiler (``END_OF_PART`` in real.h)."""
 
 Array = str | Sequence[str]
 """An array in C: its name, or an expression for each element."""
@@ -83,11 +83,11 @@ def statements(
     Parameters
     ----------
     arguments
-        What holds each argument.
+        C array that holds each argument.
     result
-        What takes the result. An element that the result only repeats is not written.
+        C array for the result. Elements that the result leaves unchanged are not written.
     where
-        A mask in C: the result is written in these lanes only. Empty: in all.
+        A mask in C: only these lanes of the result are written. Empty: all.
     without
         Elements of the result that are not written.
 
@@ -97,7 +97,7 @@ def statements(
         An instruction has no counterpart in C; the message names it.
     """
     values = _Values()
-    registers: dict[int, str] = {}  # what a work register of CasADi holds now
+    registers: dict[int, str] = {}  # current content of CasADi's work registers
     stores: dict[str, str] = {}  # element of the result -> value
     for i in range(function.n_instructions()):
         operation = function.instruction_id(i)
@@ -121,7 +121,7 @@ def statements(
                     f"{function.name()}: no C for instruction {names}"
                 ) from None
     stores = {target: value for target, value in stores.items() if values.texts[value] != target}
-    # Everything is read before anything is written: argument and result may be the same array.
+    # All reads come before any write: argument and result may be the same array.
     return [
         *values.lines(set(stores.values())),
         *(
@@ -132,7 +132,7 @@ def statements(
 
 
 def _parted(statements: Sequence[str]) -> Iterator[str]:
-    """The statements; if they are many, with a mark after every `_PART`."""
+    """The statements, with a mark after every `_PART` if there are many."""
     many = len(statements) > _WHOLE
     for number, statement in enumerate(statements):
         if many and number and number % _PART == 0:
@@ -143,20 +143,20 @@ def _parted(statements: Sequence[str]) -> Iterator[str]:
 class _Values:
     """The values of a function, in order; each is a number (``a1``) or a condition (``m1``).
 
-    CasADi's conditions are numbers, 0 or 1. Here they stay masks until they are calculated with,
-    which saves most of the work of ``if_else``.
+    CasADi's conditions are numbers, 0 or 1. Here they stay masks until arithmetic uses them, which
+    saves most of the work of ``if_else``.
 
     Attributes
     ----------
     texts, operands
-        C expression of each value, and the values in it.
+        C expression of each value, and the values that it uses.
     """
 
     def __init__(self) -> None:
         self.texts: dict[str, str] = {}
         self.operands: dict[str, tuple[str, ...]] = {}
         self._converted: dict[str, str] = {}
-        self._negated: dict[str, str] = {}  # condition -> what it is the opposite of
+        self._negated: dict[str, str] = {}  # condition -> its opposite
         self._kept: dict[str, tuple[str, str]] = {}  # value -> condition, number: c ? x : 0
 
     def add(self, kind: str, text: str, operands: Sequence[str] = ()) -> str:
@@ -210,7 +210,7 @@ class _Values:
         return self._form("a", _ARITHMETIC[operation], [self.real(v) for v in used])
 
     def _choice(self, one: str, other: str) -> tuple[str, str, str] | None:
-        """Condition and both numbers, if a sum is ``(c ? x : 0) + (!c ? y : 0)``."""
+        """Condition and both numbers, if a sum has the form ``(c ? x : 0) + (!c ? y : 0)``."""
         if one in self._kept and other in self._kept:
             condition, x = self._kept[one]
             opposite, y = self._kept[other]
@@ -219,7 +219,7 @@ class _Values:
         return None
 
     def lines(self, wanted: set[str]) -> list[str]:
-        """Statements for the wanted values, and for nothing that they do not need."""
+        """Statements for the wanted values and everything they need."""
         branches = self._branches(wanted)
         lines = {
             value: f"const {'real' if value[0] == 'a' else 'mask'} {value} = {text};"
@@ -278,7 +278,7 @@ class _Values:
 def _pair_sines(
     lines: dict[str, str], texts: Mapping[str, str], branches: Mapping[str, str]
 ) -> None:
-    """Compute sine and cosine of one argument together, where both are needed."""
+    """Compute sine and cosine of the same argument together, where both are needed."""
     first: dict[tuple[str, str], str] = {}
     for value in list(lines):
         text = texts[value]

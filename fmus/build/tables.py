@@ -1,4 +1,4 @@
-"""Tables of constants in C: what an FMU shell knows of its variables, and what noise is drawn."""
+"""Tables of constants in C: variables of an FMU shell, and draws of noise."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def draw_blocks(draws: Sequence[Draw], occasion: str, parameters: Mapping[str, i
 
 
 def draw_tables(blocks: Sequence[Sequence[str]]) -> Iterator[str]:
-    """The blocks of all occasions, and how many each has, as C."""
+    """The blocks of all occasions, and their numbers, as C."""
     yield f"static const struct draw model_draws[{len(blocks)}][N_BLOCKS + 1] = {{"
     for rows in blocks:
         yield f"    {{{', '.join(rows or ['{0, 0, {0, 0}, {0, 0}}'])}}},"
@@ -64,7 +64,7 @@ def draw_tables(blocks: Sequence[Sequence[str]]) -> Iterator[str]:
 
 
 def noise_size(draws: Sequence[Draw], occasion: str) -> int:
-    """How many numbers are drawn on one occasion."""
+    """Number of values drawn on one occasion."""
     return sum(draw.size for draw in draws if draw.occasion == occasion)
 
 
@@ -78,7 +78,7 @@ def table_source(component: Component, token: str, references: Mapping[str, int]
     Parameters
     ----------
     references
-        Value reference of each variable's first element, as modelDescription.xml has it.
+        Value reference of each variable's first element, as in modelDescription.xml.
     """
 
     def row(v: Variable) -> str:

@@ -1,7 +1,7 @@
 /* The posterior Cramer-Rao recursion (P. Tichavsky, C. H. Muravchik, A. Nehorai, Posterior
  * Cramer-Rao bounds for discrete-time nonlinear filtering, IEEE Trans. Signal Process. 46, 1998,
- * 1386-1396), for LANES divers at once; compiled once per number of lanes. P = 1/J is what is
- * carried, since a state that is known exactly has no J. Rows, transitions and priors are
+ * 1386-1396), for LANES divers at once; compiled once per number of lanes. The recursion carries
+ * P = 1/J, since a state that is known exactly has no J. Rows, transitions and priors are
  * generated from the receivers' equations. */
 #include <stddef.h>
 
@@ -12,21 +12,21 @@
 #define PASTE(a, b) PASTE_(a, b)
 
 enum counts { READINGS, PACKETS, BEACONS };
-enum { PLACES = 3, OWN_BEACON = 2 }; /* the latter from the end of the parameters */
+enum { PLACES = 3, OWN_BEACON = 2 }; /* OWN_BEACON counts from the end of the parameters */
 
-/* A scalar measurement: its row, whose elements are those of the states in at, then its variance.
- * own_beacon: whether it is there if packets tell where their own beacon is (1), or if they do not
- * (0), or always (-1). */
+/* A scalar measurement: its row, with the elements of the states in at, then its variance.
+ * own_beacon: whether it exists only if packets hold their own beacon's position alone (1), only
+ * if they do not (0), or always (-1). */
 struct row {
     int counts, own_beacon, used;
     const int *at;
     void (*value)(const real *p, const real *surroundings, real *h);
 };
 
-/* States from states on are those of a beacon; each has a copy. */
+/* States from states on belong to a beacon; each beacon has a copy. */
 struct model {
     int states, each, parameters, n_phi, n_noise, n_rows;
-    const int (*phi)[2], (*noise)[2]; /* without the ones of Phi; the upper triangle of Q */
+    const int (*phi)[2], (*noise)[2]; /* Phi without its ones; the upper triangle of Q */
     const struct row *rows;
     void (*prior)(const real *p, real *variance);
     void (*transition)(const real *p, real dt, real *phi_and_noise);
@@ -35,7 +35,7 @@ struct model {
 
 #include "bound_model.h"
 
-/* Of how many beacons a state is, if of any. */
+/* Number of beacons that a state belongs to, if any. */
 static int copies(const struct model *m, int state, int beacons)
 {
     return state < m->states ? 1 : beacons;
@@ -52,7 +52,7 @@ static void prior(const struct model *m, int beacons, int n, const real *p, real
             P[(i + b * m->each) * (n + 1)] = variance[i];
 }
 
-/* A row of P, whose upper triangle alone is kept. */
+/* A row of P, of which only the upper triangle is kept. */
 static void row_of(const real *P, int n, int i, real *row)
 {
     for (int k = 0; k < i; k++)
@@ -69,7 +69,7 @@ static void put_row(real *P, int n, int i, const real *row)
         P[i * n + k] = row[k];
 }
 
-/* P with an element of Phi: state i becomes v of itself, or itself and v of state j. */
+/* P with an element of Phi: state i becomes v times itself, or itself plus v times state j. */
 static void move(real *P, int n, int i, int j, real v)
 {
     real to[MOST_STATES], from[MOST_STATES];
@@ -88,8 +88,8 @@ static void move(real *P, int n, int i, int j, real v)
     put_row(P, n, i, to);
 }
 
-/* P <- Phi P Phi' + Q. A state is moved by others that nothing moves, so one element of Phi after
- * another does, those of the diagonal at the end. */
+/* P <- Phi P Phi' + Q. States are moved only by states that nothing moves, so the elements of Phi
+ * can be applied one after another, those of the diagonal last. */
 static void advance(const struct model *m, int beacons, int n, const real *p, real dt, real *P)
 {
     real value[MOST_ELEMENTS];
@@ -107,8 +107,8 @@ static void advance(const struct model *m, int beacons, int n, const real *p, re
     }
 }
 
-/* P with a scalar measurement, in Joseph's form (I - k h) P (I - k h)' + k R k', so that it stays a
- * covariance whatever R is. */
+/* P with a scalar measurement, in Joseph's form (I - k h) P (I - k h)' + k R k', so that it stays
+ * a covariance whatever R is. */
 static void measure(int n, int used, const int *at, const real *h, real R, real *P)
 {
     real rows[MOST_USED][MOST_STATES], c[MOST_STATES], k[MOST_STATES], d[MOST_STATES], s = R;
@@ -136,7 +136,7 @@ static void measure(int n, int used, const int *at, const real *h, real R, real 
             P[i * n + j] = (P[i * n + j] - c[i] * k[j]) + d[i] * k[j];
 }
 
-/* One kind of measurement, of one beacon or of none; there: how much there is of it. */
+/* One kind of measurement, of one beacon or of none; there: number of such measurements. */
 static void take(const struct model *m, int n, const struct row *row, int beacon, double there,
                  const real *p, const real *s, real *P)
 {
@@ -169,7 +169,7 @@ static void measured(const struct bound_task *t, const struct model *m, int n, i
     }
 }
 
-/* The results of an epoch, of those lanes that are divers. */
+/* The results of an epoch, for those lanes that hold divers. */
 static void keep(const struct bound_task *t, const struct model *m, int n, int kept, int first,
                  const real *p, const real *P)
 {
@@ -184,7 +184,7 @@ static void keep(const struct bound_task *t, const struct model *m, int n, int k
     }
 }
 
-/* Divers from first on, one per lane. What is no diver is the last one again. */
+/* Divers from first on, one per lane. Spare lanes repeat the last diver. */
 static void group(const struct bound_task *t, const struct model *m, int first)
 {
     const int n = m->states + m->each * t->beacons;

@@ -1,4 +1,4 @@
-/* Which numbers of lanes this processor does well. */
+/* The numbers of lanes that this processor supports well. */
 #include <stddef.h>
 
 #include "lanes.h"

@@ -4,7 +4,7 @@
  * minimax (Remez) fits for the relative error of the finished function, with the leading
  * Taylor terms split off; they are evaluated as two interleaved Horner chains, which halves
  * the latency for one more multiplication.  Where a sum of parts would cost accuracy, the
- * low part is carried along and added to the small terms.
+ * low part is carried separately and added to the small terms.
  *
  * Accuracy is given in units in the last place (ulp) of the result. */
 #ifndef SBLCOSIM_ELEMENTARY_H
@@ -35,7 +35,7 @@
 /* Largest |x| whose count of quarter turns stays below 2^25. */
 #define R_TRIG_LIMIT 5e7
 
-/* What sine, cosine and tangent share.  |x| = quarters * pi/2 + r with |r| <= pi/4, and
+/* The common part of sine, cosine and tangent.  |x| = quarters * pi/2 + r with |r| <= pi/4, and
  * sin r = s + ds, cos r = c + dc with the d's small. */
 typedef struct {
     bits64 quarters; /* only its low bits count */
@@ -221,7 +221,7 @@ static inline real r_log(real x)
     mask tiny = m_lt(x, r_set1(0x1p-1022));
     real y = r_log_normal(x * r_blend(tiny, r_set1(0x1p54), r_set1(1.0)),
                           r_blend(tiny, r_set1(R_LOG_BIAS + 54.0), r_set1(R_LOG_BIAS)));
-    /* Of what is not positive and finite, inf and NaN are their own logarithm. */
+    /* If x is not positive and finite: inf and NaN are their own logarithm. */
     real other = r_blend(m_lt(x, r_set1(0.0)), r_set1(__builtin_nan("")), x);
     other = r_blend(m_eq(x, r_set1(0.0)), r_set1(-__builtin_inf()), other);
     mask usual = m_lt(r_set1(0.0), x) & m_lt(x, r_set1(__builtin_inf()));
@@ -293,7 +293,7 @@ static inline real r_atan2(real y, real x)
     return r_copysign(r_angle(lo, hi, steep ^ left, eighths), y);
 }
 
-/* What asin and acos share, for a = |x|.  Below 1/2: root = a and asin a = a + a rest.
+/* The common part of asin and acos, for a = |x|.  Below 1/2: root = a and asin a = a + a rest.
  * Above: root + low = sqrt((1 - a) / 2), whose square is exact before the division, root
  * has at most 21 bits, and acos a = 2 (root + low + (root + low) rest). */
 typedef struct {

@@ -8,14 +8,14 @@
 #define N_VALUES (N_P + N_U + N_Y)
 #define N_LOOPS (N_ADVANCE + N_ITERATE)
 
-/* More rounds than any sensible use needs; without an end a loop would hang its host. */
+/* More rounds than any sensible use needs; an endless loop would hang its host. */
 #define MAX_ROUNDS 1000000
 
 enum occasion { OCCASION_INITIAL = 0, OCCASION_TICK = 1, OCCASION_LOOPS = 2 };
 
 /* All numbers of the simulations. No pointers: a copy is a snapshot. */
 struct block {
-    /* Parameters, inputs, outputs, in the order of the declaration, and the states that are no
+    /* Parameters, inputs, outputs, in the order of the declaration, then the states that are not
      * outputs. */
     real v[N_P + N_U + N_X];
     bits64 rounds[N_LOOPS + 1]; /* how often each loop has run: the counter of its noise; C has
@@ -47,7 +47,8 @@ static inline void engine_noise(const struct block *b, int occasion, bits64 coun
 
 static inline int engine_loops(struct block *b, int variant, int first, int end, real t);
 
-/* 0 if a loop has no end. Side by side, the lane concerned becomes NaN and the others go on. */
+/* 0 if a loop does not end. Side by side, the lane concerned becomes NaN and the others continue.
+ * */
 static inline int engine_loop(struct block *b, int variant, int loop, real t)
 {
     real going = r_set1(0.0), *const x = engine_x(b);
@@ -59,7 +60,7 @@ static inline int engine_loop(struct block *b, int variant, int loop, real t)
         if (!r_any(going))
             return 1;
         engine_noise(b, OCCASION_LOOPS + loop, b->rounds[loop], w);
-        /* Lanes with nothing to do stay as they are. */
+        /* Lanes with nothing to do stay unchanged. */
         model_body(loop, variant, m_true(going), x, engine_u(b), engine_p(b), w, t);
         b->rounds[loop] += r_integer(r_truth(m_true(going)));
         if (INNER_LOOPS(loop) > 0
@@ -75,7 +76,7 @@ static inline int engine_loop(struct block *b, int variant, int loop, real t)
 #endif
 }
 
-/* The loops from first to before end, each with those inside it. */
+/* The loops from first to before end, each with its inner loops. */
 static inline int engine_loops(struct block *b, int variant, int first, int end, real t)
 {
     for (int loop = first; loop < end; loop += 1 + INNER_LOOPS(loop))
@@ -86,7 +87,7 @@ static inline int engine_loops(struct block *b, int variant, int first, int end,
 
 #define MAX_SECONDS 4e9 /* differences of two such times fit into 64 bits of nanoseconds */
 
-/* Seconds to whole nanoseconds; 0 if they are no sensible time. */
+/* Seconds to whole nanoseconds; 0 if they are not a sensible time. */
 static inline int to_ns(double seconds, int64_t *ns)
 {
     if (!(seconds > -MAX_SECONDS && seconds < MAX_SECONDS))
@@ -95,7 +96,7 @@ static inline int to_ns(double seconds, int64_t *ns)
     return 1;
 }
 
-/* The time between ticks, which must be whole nanoseconds; 0 if it is not. */
+/* The time between ticks, which must be whole nanoseconds; otherwise 0. */
 static inline int engine_interval(double seconds, int64_t *ns)
 {
     if (!to_ns(seconds, ns) || *ns <= 0)

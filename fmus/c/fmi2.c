@@ -31,7 +31,7 @@ static void emit(const struct instance *in, enum status status, const char *mess
 const char *fmi2GetTypesPlatform(void) { return fmi2TypesPlatform; }
 const char *fmi2GetVersion(void) { return fmi2Version; }
 
-/* Messages come with a status that is not OK, and those are always handed over. */
+/* Messages come with a status other than OK; these are always passed on. */
 fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean loggingOn, size_t nCategories,
                                const fmi2String names[])
 {

@@ -30,7 +30,7 @@ static void emit(const struct instance *in, enum status status, const char *mess
 
 const char *fmi3GetVersion(void) { return fmi3Version; }
 
-/* Messages come with a status that is not OK, and those are always handed over. */
+/* Messages come with a status other than OK; these are always passed on. */
 fmi3Status fmi3SetDebugLogging(fmi3Instance c, fmi3Boolean loggingOn, size_t nCategories,
                                const fmi3String names[])
 {
@@ -181,7 +181,7 @@ SET(Float64, FLOAT64)
 SET(Int32, INT32)
 SET(Boolean, BOOLEAN)
 
-/* Types without variables: asking for none of them is fine. */
+/* Types without variables: a call for none of them succeeds. */
 #define NO_VARIABLES(Type)                                                                        \
     fmi3Status fmi3Get##Type(fmi3Instance c, const fmi3ValueReference vr[], size_t nvr,           \
                              fmi3##Type values[], size_t nValues)                                 \
@@ -240,7 +240,7 @@ static enum status output_reference(struct instance *in, const char *function,
                   reference);
 }
 
-/* Dependencies do not change, so those of modelDescription.xml hold; without direct feedthrough
+/* Dependencies do not change, so those of modelDescription.xml hold. Without direct feedthrough
  * there are none. */
 fmi3Status fmi3GetNumberOfVariableDependencies(fmi3Instance c, fmi3ValueReference valueReference,
                                                size_t *nDependencies)

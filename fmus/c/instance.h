@@ -1,7 +1,7 @@
 /* An instance of a component, the same for FMI 2 and FMI 3: its memory, its modes, its messages.
  *
- * life_cycle.h, values.h, steps.h and snapshots.h are what it can do; fmi2.c and fmi3.c dress that
- * in the functions of the standard. Before, they define `boolean`, `logger_callback` and ARRAYS:
+ * life_cycle.h, values.h, steps.h and snapshots.h implement what it can do; fmi2.c and fmi3.c wrap
+ * this in the functions of the standard. They first define `boolean`, `logger_callback` and ARRAYS:
  * whether one value reference stands for a whole array. */
 #ifndef SBLCOSIM_INSTANCE_H
 #define SBLCOSIM_INSTANCE_H
@@ -31,7 +31,7 @@ struct variable {
 
 #include "tables.h"
 
-/* Where an instance is in the standard's call sequence; a function names the modes it is for. */
+/* State of an instance in the standard's call sequence; each function names the modes it allows. */
 enum mode {
     INSTANTIATED = 1,
     INITIALIZATION = 2,
@@ -50,7 +50,7 @@ struct data {
     struct block block;
     int64_t start_ns, time_ns, interval_ns;
     int32_t mode, variant;
-    int32_t stale; /* outputs are older than what they depend on */
+    int32_t stale; /* outputs are older than the values they depend on */
     int32_t moved_ns; /* time_ns minus the end of the last step as the master has it */
 };
 

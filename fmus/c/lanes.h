@@ -1,4 +1,4 @@
-/* What an FMU of ours offers beside FMI: the same equations for many simulations at once.
+/* An interface of our FMUs besides FMI: the same equations for many simulations at once.
  *
  * Its exported symbol `sblcosim_lanes` returns an engine for a number of lanes. A block of memory
  * holds one simulation per lane; it begins with the values of all elements of all variables, in
@@ -16,13 +16,13 @@ struct lanes {
     uint32_t parameters, inputs, outputs; /* numbers of elements */
     uint32_t block_size;                  /* bytes, to be aligned to 64 */
     /* State and outputs at the start. Returns 0, or the 1-based element of a parameter that must
-     * be equal in all lanes and is not, or is no valid interval. */
+     * be equal in all lanes but differs, or that is not a valid interval. */
     uint32_t (*initial)(void *block, int64_t start_ns);
     /* From time_ns, where the last step ended, to end_ns. */
     void (*step)(void *block, int64_t start_ns, int64_t time_ns, int64_t end_ns);
 };
 
-/* lanes = 0: as many as this processor does well; NULL if it cannot do that many. */
+/* lanes = 0: as many as this processor supports well; NULL if it does not support that many. */
 typedef const struct lanes *lanes_entry(uint32_t lanes);
 
 #endif

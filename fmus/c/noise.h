@@ -6,8 +6,8 @@
 
 #include "philox.h"
 
-/* A block: two numbers, where they go, and the parameters that scale them.  Where its scale is 0 a
- * number is 0, and a block that no lane needs is not drawn.  -1: one number only; no scale. */
+/* A block: two numbers, their destinations, and the parameters that scale them.  If its scale is 0,
+ * a number is 0, and a block that no lane needs is not drawn.  -1: one number only; no scale. */
 struct draw {
     int32_t block, uniform, to[2], scale[2];
 };

@@ -2,9 +2,9 @@
  *
  * The same source compiles to the same bits on every lane count because every operation
  * here is either exact (bit operations, comparisons) or correctly rounded by IEEE 754
- * (+ - * / sqrt), and the order of the operations is fixed by the source.  The compiler
- * must keep out of it: -ffp-contract=off, and never -ffast-math.  The one thing left open
- * is a NaN's sign and payload, which the processor chooses.
+ * (+ - * / sqrt), and the order of the operations is fixed by the source.  The compiler must not
+ * interfere: -ffp-contract=off, and never -ffast-math.  The only thing left open is the sign and
+ * payload of a NaN, which the processor chooses.
  *
  * Names: r_ works on doubles, b_ on the 64-bit words, m_ yields masks: per lane all ones or
  * zero, or one bit where the processor has registers for that.  Masks know &, |, ^ and ~. */
@@ -31,8 +31,8 @@
 #error "doubles must be evaluated as doubles (on x86-32: -msse2 -mfpmath=sse)"
 #endif
 
-/* Ends a basic block, at no cost when it runs. Some of a compiler's passes take time that grows with
- * the square of a block: a minute instead of two seconds for 8,000 statements. */
+/* Ends a basic block, at no cost at run time. Some compiler passes take time that grows with the
+ * square of a block: a minute instead of two seconds for 8,000 statements. */
 #define END_OF_PART \
     do { \
         __label__ next; \

@@ -7,7 +7,7 @@
 
 #define TICK_TOLERANCE_NS 1000
 
-/* Time relative to the start; a time close enough to a tick is that tick. */
+/* Time relative to the start. A time close enough to a tick counts as that tick. */
 static int64_t snap(int64_t relative_ns, int64_t interval_ns, int64_t tolerance_ns)
 {
     if (interval_ns <= 0 || relative_ns < 0)
@@ -17,8 +17,8 @@ static int64_t snap(int64_t relative_ns, int64_t interval_ns, int64_t tolerance_
     return distance <= tolerance_ns ? tick : relative_ns;
 }
 
-/* Where a step ends that the master ends at `end_ns`: never before it begins, so that every tick
- * lies in exactly one step, and a step too short to hold a nanosecond has none. */
+/* End of a step that the master ends at `end_ns`: never before it begins, so that every tick
+ * lies in exactly one step, and a step shorter than a nanosecond contains none. */
 static int64_t step_end(const struct data *d, int64_t end_ns, int64_t tolerance_ns)
 {
     const int64_t snapped = d->start_ns + snap(end_ns - d->start_ns, d->interval_ns, tolerance_ns);
@@ -40,7 +40,7 @@ static enum status instance_step(struct instance *in, double point, double size)
     if (tolerance > TICK_TOLERANCE_NS)
         tolerance = TICK_TOLERANCE_NS;
     /* The previous step has ended at time_ns for us and at last_ns for the master, whose times are
-     * no better than rounded. */
+     * rounded. */
     const int64_t last_ns = d->time_ns - d->moved_ns;
     const int64_t first = d->moved_ns > 0 ? last_ns : d->time_ns;
     const int64_t latest = d->moved_ns > 0 ? d->time_ns : last_ns;
@@ -62,7 +62,7 @@ static enum status instance_step(struct instance *in, double point, double size)
         d->mode = FAILED;
         return report(in, ERROR, "doStep: no end was found in %d rounds", MAX_ROUNDS);
     }
-    /* Of a step that has led nowhere the end may lie before that of the one before it. */
+    /* If a step did not advance, its end may lie before that of the previous step. */
     if (said_ns < last_ns && end_ns == d->time_ns)
         said_ns = last_ns;
     d->moved_ns = (int32_t)(end_ns - said_ns);

@@ -75,8 +75,8 @@ static unsigned extent(unsigned element)
     return ARRAYS ? variables[owner[element]].size : 1;
 }
 
-/* Elements that follow each other and can be read or written at once: an array, or scalars with
- * consecutive references whose type and causality are the same. */
+/* Consecutive elements that can be read or written at once: an array, or scalars with consecutive
+ * references and the same type and causality. */
 struct piece {
     unsigned first, size;
     size_t references;

@@ -1,4 +1,4 @@
-/* The largest number of lanes that this processor does well, and what a library exports. */
+/* The largest number of lanes that this processor supports well, and the exports of a library. */
 #ifndef SBLCOSIM_WIDEST_H
 #define SBLCOSIM_WIDEST_H
 
@@ -18,7 +18,7 @@ static void cpuid(uint32_t leaf, uint32_t r[4])
                      : "a"(leaf), "c"(0));
 }
 
-/* Asked by hand: what a compiler's own function answers depends on how it was linked. */
+/* Queried directly: the answer of a compiler's own function depends on how it was linked. */
 static uint32_t widest(void)
 {
     uint32_t r[4], state, high;

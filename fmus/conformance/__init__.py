@@ -1,1 +1,1 @@
-"""The conformance kit: does any FMU for Co-Simulation, FMI 2 or 3, keep its promises?"""
+"""The conformance kit: does an FMU for Co-Simulation, FMI 2 or 3, keep its promises?"""

@@ -1,7 +1,7 @@
-"""What checks work with: a bench, and runs that are compared.
+"""Tools for checks: a bench, and runs to compare.
 
-All checks compare with the same run: from the start, in steps of the default experiment, as lively
-as the FMU accepts (the life cycle finds that out).
+All checks compare with the same run: from the start, in steps of the default experiment, with as
+much activity as the FMU accepts (which the life cycle determines).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from .trace import Trace
 Values = list[Any]
 
 Clauses = tuple[str | None, str | None]
-"""Sections of FMI 2 and of FMI 3 that say so; None where the standard does not."""
+"""Sections of FMI 2 and of FMI 3 that require it; None where the standard does not."""
 
 STANDARDS = {2: "FMI 2.0.5", 3: "FMI 3.0.2"}
 """The editions whose sections are cited."""
@@ -31,12 +31,12 @@ STANDARDS = {2: "FMI 2.0.5", 3: "FMI 3.0.2"}
 INSTANCES = 4
 
 ACCEPTED = "accepted"
-"""Name of the file with what `Bench.accept` notes, in whatever process."""
+"""Name of the file with the notes of `Bench.accept`, for all processes."""
 
 ALL, LIVELY, REALS, STILL = LEVELS = (
     "parameters changed, inputs moving", "inputs moving", "real inputs moving", "inputs at rest"
 )  # fmt: skip
-"""How much happens in a run, the most first."""
+"""Levels of activity in a run, the highest first."""
 
 
 class ConformanceError(Exception):
@@ -45,7 +45,7 @@ class ConformanceError(Exception):
     Attributes
     ----------
     clauses
-        Where the standard says so; None: where it says so of the whole check.
+        Sections of the standard that require it; None: those of the whole check.
     """
 
     def __init__(self, reason: str, clauses: Clauses | None = None) -> None:
@@ -54,11 +54,11 @@ class ConformanceError(Exception):
 
 
 class ConcernError(Exception):
-    """What the FMU does is lawful, but will hurt those who use it."""
+    """The FMU's behaviour is lawful but will cause trouble to its users."""
 
 
 class NotApplicableError(Exception):
-    """The FMU does not promise this, or it cannot be told."""
+    """The FMU does not promise this, or it cannot be checked."""
 
 
 class BlockedError(Exception):
@@ -67,18 +67,18 @@ class BlockedError(Exception):
 
 @dataclass
 class Bench:
-    """What a check works with.
+    """Tools of a check.
 
     Attributes
     ----------
     folder
-        Where checks leave what later ones need.
+        Folder in which checks leave data for later ones.
     first
-        Number of the first probe to try; those before it have crashed or are done.
+        Number of the first probe to try; earlier ones have crashed or are done.
     resume
-        Number of the probe with which another process is to go on; None: all is done.
+        Number of the probe with which another process must continue; None: all are done.
     talks
-        Whether instances log: then what is missing can be said, and runs are slow.
+        Whether instances log. Then missing dependencies can be named, but runs are slow.
     """
 
     subject: Subject
@@ -91,7 +91,7 @@ class Bench:
 
     @property
     def library(self) -> Library:
-        """The FMU's library, loaded when it is first asked for."""
+        """The FMU's library, loaded on first use."""
         if self._library is None:
             try:
                 self._library = Library(self.subject, self.trace)
@@ -105,11 +105,11 @@ class Bench:
 
     @property
     def facts(self) -> Any:
-        """What the life cycle has told."""
+        """Facts that the life cycle has determined."""
         return json.loads((self.folder / "facts.json").read_text())
 
     def write_facts(self, **facts: Any) -> None:
-        """Leave facts for later checks."""
+        """Store facts for later checks."""
         (self.folder / "facts.json").write_text(json.dumps(facts))
 
     def instance(self, name: str = "conformance") -> TracedInstance:
@@ -117,12 +117,12 @@ class Bench:
         return TracedInstance(self.library, name, talks=self.talks)
 
     def accept(self, call: str, clause: str | None) -> None:
-        """Note that a call was done which should have been refused.
+        """Note that a call succeeded which should have been refused.
 
         Parameters
         ----------
         clause
-            Section of the standard that says so, if one does.
+            Section of the standard that requires the refusal, if any.
         """
         with (self.folder / ACCEPTED).open("a", encoding="utf-8") as file:
             file.write(json.dumps([call, clause]) + "\n")
@@ -130,7 +130,7 @@ class Bench:
     def reference(self) -> list[Values]:
         """The run of a fresh instance, the first one of this process.
 
-        Where a process may have one instance only, it is the run of another process.
+        If a process may have only one instance, the run of another process.
         """
         facts = self.facts
         if self.subject.once:
@@ -152,12 +152,12 @@ class Bench:
 def stimulus(
     subject: Subject, level: str, step: int, number: int = 0
 ) -> Iterator[tuple[SubjectVariable, list[Number]]]:
-    """What is set before a step: inputs near their start values, times that go with the time.
+    """Values set before a step: inputs near their start values, times that follow the time.
 
     Parameters
     ----------
     number
-        Of the instance; each has inputs of its own.
+        Number of the instance; each has its own inputs.
     """
     if level == STILL:
         return
@@ -205,7 +205,7 @@ def begin(instance: TracedInstance, level: str, number: int = 0) -> TracedInstan
 def advance(
     instance: TracedInstance, level: str, step: int, number: int = 0, cut: int = 1
 ) -> Values:
-    """Set the inputs, take a step, perhaps in parts, and return the outputs."""
+    """Set the inputs, take a step, possibly in parts, and return the outputs."""
     subject = instance.subject
     instance.set_all(instance.library.settings(stimulus(subject, level, step, number)))
     for part in range(cut):
@@ -233,7 +233,8 @@ def digest(rows: list[Values]) -> str:
 def expect_same(
     bench: Bench, expected: list[Values], rows: list[Values], what: str, tolerance: float = 0.0
 ) -> None:
-    """Fail unless two runs agree to their end; to a tolerance relative to the values' size."""
+    """Fail unless two runs agree to their end, with a tolerance relative to the size of the
+    values."""
     names = output_names(bench.subject)
     first = bench.subject.steps + 1 - len(expected)
     for step, (wanted, got) in enumerate(zip(expected, rows, strict=True)):
@@ -255,7 +256,7 @@ def _text(value: Any) -> str:
 
 
 def middle(bench: Bench) -> int:
-    """The number of steps of half a run."""
+    """Number of steps in half a run."""
     return bench.subject.steps // 2
 
 
@@ -269,6 +270,6 @@ def half_way(bench: Bench) -> TracedInstance:
 
 
 def refuse_single(bench: Bench) -> None:
-    """A check that needs several instances does not apply to an FMU that allows one."""
+    """A check that needs several instances does not apply to an FMU that allows only one."""
     if bench.subject.once:
         raise NotApplicableError("the FMU allows one instance per process")

@@ -1,7 +1,8 @@
-"""All dynamic checks: see `CHECKS`. To add one, write a function beside its like and a row here.
+"""All dynamic checks: see `CHECKS`. To add one, write a function next to similar ones and a row
+here.
 
-A check is run in processes of its own, with the standard library only, as these must start quickly.
-It returns a line about what it has seen, or raises one of the exceptions of `bench` with a reason.
+Each check runs in processes of its own with only the standard library, as these must start quickly.
+It returns a line about what it saw, or raises one of the exceptions of `bench` with a reason.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from . import life, references, resources, robustness, state, steps
 from .bench import Bench, Clauses
 
 _WISH: Clauses = (None, None)
-"""Whatever an FMU does here is lawful."""
+"""No section: whatever an FMU does here is lawful."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,12 +24,12 @@ class Check:
     Attributes
     ----------
     what
-        The promise, for people.
+        The promise, as shown to people.
     steps
-        What is done, each step in a process of its own.
+        Functions of the check, each run in a process of its own.
     clauses
-        Where the standard makes the promise. What breaks it is a violation there and a warning
-        elsewhere.
+        Sections of the standard that make the promise. Breaking it is a violation if there is one,
+        otherwise a warning.
     """
 
     name: str
@@ -38,7 +39,7 @@ class Check:
 
 
 LOADING = Check("loading", "it can be loaded and instantiated", (life.loading,), ("2.1.5", "2.3.1"))
-"""The little that `sblcosim check` asks for."""
+"""The part that `sblcosim check` runs."""
 
 CHECKS = (
     Check(
@@ -106,7 +107,7 @@ CHECKS = (
         _WISH,
     ),
     Check(
-        "invalid values", "values that cannot be are answered", (robustness.invalid_values,), _WISH
+        "invalid values", "impossible values are answered", (robustness.invalid_values,), _WISH
     ),
     Check(
         "null pointers",

@@ -17,8 +17,8 @@ from .trace import Trace
 
 
 def main(folder: Path, name: str, step: int, first: int) -> None:
-    """Run the step and leave its result in a file; a crash leaves none."""
-    try:  # a crash is what we wait for: its core is of no use
+    """Run the step and leave its result in a file. A crash leaves none."""
+    try:  # crashes are expected: their core files are useless
         import resource
 
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
@@ -46,7 +46,7 @@ def main(folder: Path, name: str, step: int, first: int) -> None:
         state, reason = "warning", str(problem)
     except NotApplicableError as problem:
         state, reason = "does not apply", str(problem)
-    except OSError as error:  # what ctypes makes of a crash on Windows
+    except OSError as error:  # how ctypes reports a crash on Windows
         state, reason = "failed" if clause else "warning", f"crashed: {error}"
     result = {
         "state": state,
@@ -57,7 +57,7 @@ def main(folder: Path, name: str, step: int, first: int) -> None:
     unfinished = folder / "result.part"
     unfinished.write_text(json.dumps(result))
     unfinished.replace(folder / "result")
-    # What the FMU does at the end of a process is not asked.
+    # Whatever the FMU does at the end of the process is not checked.
     os._exit(0)
 
 
@@ -65,6 +65,6 @@ if __name__ == "__main__":
     folder = Path(sys.argv[1])
     try:
         main(folder, sys.argv[2], int(sys.argv[3]), int(sys.argv[4]))
-    except Exception:  # a mistake of ours, which must not pass for one of the FMU
+    except Exception:  # our own mistake, which must not pass for one of the FMU
         (folder / "broken").write_text(traceback.format_exc())
         os._exit(1)

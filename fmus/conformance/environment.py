@@ -1,7 +1,7 @@
-"""Faults of the environment: what an FMU needs and this machine does not have.
+"""Faults of the environment: things that an FMU needs and this machine does not have.
 
-They are no verdict about the FMU: another machine may have it. A loader's message is certain. Of
-what an FMU logs, the words are all there is to judge by.
+They are no verdict on the FMU, because another machine may have them. A loader's message is
+certain. For an FMU's own log, the words are the only evidence.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _LOADER = (
     (r"cannot enable executable stack", "the system does not let it have an executable stack"),
     (r"cannot allocate memory in static TLS block", "the process has no room for its variables"),
 )  # fmt: skip
-"""What the loaders of Linux, macOS and Windows say, and what it means."""
+"""Messages of the loaders of Linux, macOS and Windows, and what they mean."""
 
 _TOOLS = (
     "python|java|jvm|jre|matlab|octave|julia|wine|docker|interpreter|runtime|executable|program|"
@@ -43,16 +43,16 @@ _LOGGED = (
      rf"{_FAILED} (?:be )?(?:find|locate|start|launch|load|open|reach|contact|connect to)\b"
      rf".{{0,80}}\b(?:{_TOOLS})\b", "something"),
 )  # fmt: skip
-"""What FMUs say, and what they lack."""
+"""Messages of FMUs, and what they lack."""
 
 
 def of_loader(text: str, folder: Path) -> str | None:
-    """What is missing, from the loader's words about an FMU's library; None: it is the FMU's fault.
+    """What is missing, from the loader's message about a library; None: it is the FMU's fault.
 
     Parameters
     ----------
     folder
-        Of the unpacked FMU: a library that lies there is not missing, it is not found.
+        Folder of the unpacked FMU: a library inside it is present but was not found.
     """
     for pattern, meaning in _LOADER:
         match = re.search(pattern, text)
@@ -66,7 +66,8 @@ def of_loader(text: str, folder: Path) -> str | None:
 
 
 def _documented(folder: Path) -> str:
-    """Where the FMU says what it needs, as the standards ask (FMI 2.0.5, 2.3; FMI 3.0.2, 2.5.1)."""
+    """Pointer to the FMU's list of dependencies, if it has one (FMI 2.0.5, 2.3; FMI 3.0.2,
+    2.5.1)."""
     for name in ("externalDependencies.txt", "externalDependencies.html"):
         if (folder / "documentation" / name).is_file():
             return f"; see documentation/{name} in the FMU"
@@ -74,7 +75,7 @@ def _documented(folder: Path) -> str:
 
 
 def of_log(text: str) -> str | None:
-    """What is missing, from what an FMU has logged when it refused a call that must succeed."""
+    """What is missing, from an FMU's log when it refused a call that must succeed."""
     for pattern, what in _LOGGED:
         if re.search(pattern, text, re.IGNORECASE):
             return f"{what} is missing"

@@ -17,7 +17,7 @@ from .subject import Number, Subject, SubjectVariable
 
 _STEPS = 20
 _STEP = 0.1
-"""Communication interval in s where the FMU suggests none."""
+"""Communication interval in s if the FMU suggests none."""
 _TOLERANCE = 1e-6
 
 
@@ -57,7 +57,7 @@ def subject_of(description: ModelDescription, folder: Path, library: str) -> Sub
 
 
 def functions_of(description: ModelDescription) -> tuple[str, ...]:
-    """The functions that the standard's header has for the FMU's kinds of interface."""
+    """The functions that the standard's header declares for the FMU's kinds of interface."""
     fmi = description.fmiMajorVersion
     text = (fmi_headers() / f"fmi{fmi}Functions.h").read_text()
     offered = {
@@ -78,14 +78,14 @@ def functions_of(description: ModelDescription) -> tuple[str, ...]:
 
 
 def _derivatives(folder: Path, fmi: int) -> bool:
-    """Whether there are directional derivatives; FMPy does not read that in FMI 3."""
+    """Whether there are directional derivatives; FMPy does not read this in FMI 3."""
     kind = ElementTree.parse(folder / DESCRIPTION).getroot().find("CoSimulation")
     name = "providesDirectionalDerivative" + ("s" if fmi == 3 else "")
     return kind is not None and kind.get(name) in ("true", "1")
 
 
 def _number(text: Any) -> float | None:
-    """A number, if there is one that runs can use."""
+    """The value as a number, if it is one that runs can use."""
     value = math.nan if text is None else float(text)
     return value if math.isfinite(value) else None
 

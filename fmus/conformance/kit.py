@@ -1,7 +1,7 @@
-"""Runs the checks on an FMU and gathers what they say.
+"""Runs the checks on an FMU and collects their results.
 
-The static checks are here; every step of a dynamic one in a process of its own (`runner`), so
-that a crash or a call that does not return is a finding and nothing worse.
+The static checks are here. Every step of a dynamic check runs in a process of its own (`runner`),
+so that a crash or a call that does not return is only a finding.
 """
 
 from __future__ import annotations
@@ -44,14 +44,15 @@ class CheckResult:
     what
         The promise that was checked.
     state
-        ``failed``: the standard says otherwise. ``warning``: lawful, but it will hurt those who use
-        the FMU. ``blocked``: this machine lacks what the FMU needs, which says nothing of the FMU.
+        ``failed``: the standard requires otherwise. ``warning``: lawful, but will cause trouble to
+        users of the FMU. ``blocked``: this machine lacks what the FMU needs, which says nothing
+        about the FMU.
     reason
-        What was seen if it passed; else why it did not pass, in one line.
+        What was seen if the check passed; otherwise why it did not, in one line.
     clause
-        Edition and section of the standard that is violated; empty if none is.
+        Edition and section of the standard that is violated; empty if none.
     command
-        What repeats this check alone.
+        Command that repeats this check alone.
     """
 
     name: str
@@ -85,19 +86,19 @@ class Report:
 
     @property
     def ok(self) -> bool:
-        """Whether nothing failed; there may be warnings."""
+        """Whether nothing failed; warnings are allowed."""
         return not self.count("failed")
 
     @property
     def blocked(self) -> str | None:
-        """What this machine lacks, so that a check could not be made; None: nothing."""
+        """What this machine lacks for a check to be possible; None: nothing."""
         return next((r.reason for r in self.results if r.state == "blocked"), None)
 
     def __getitem__(self, name: str) -> CheckResult:
         return next(result for result in self.results if result.name == name)
 
     def count(self, state: State) -> int:
-        """How many checks came to this."""
+        """Number of checks with this state."""
         return sum(result.state == state for result in self.results)
 
     def to_json(self) -> dict[str, Any]:
@@ -111,7 +112,7 @@ class Report:
 
     @property
     def summary(self) -> str:
-        """One line: how many checks came to what."""
+        """One line: number of checks with each state."""
         counts = ", ".join(f"{n} {state}" for state in get_args(State) if (n := self.count(state)))
         return f"{self.path.name}, FMI {self.fmi}: {counts}"
 
@@ -135,11 +136,11 @@ def examine(
     Parameters
     ----------
     only
-        Names of checks, of `NAMES`; none: all. The life cycle is part of all dynamic ones.
+        Names of checks, from `NAMES`; none: all. All dynamic ones include the life cycle.
     patience
         Seconds after which a call that has not returned counts as hanging.
     each
-        Takes each result as soon as it is there.
+        Called with each result as soon as it is available.
 
     Raises
     ------
@@ -220,7 +221,7 @@ for problem in validate_fmu(sys.argv[1]):
 
 
 def _description(path: Path, description: ModelDescription) -> CheckOutcome:
-    try:  # in a process of its own: its parser of names can take for ever
+    try:  # in a process of its own: its parser of names may run forever
         done = subprocess.run(
             [sys.executable, "-P", "-c", _VALIDATE, os.path.abspath(path)],
             capture_output=True, text=True, errors="replace", check=True, timeout=_STATIC_PATIENCE,
@@ -238,7 +239,7 @@ def _description(path: Path, description: ModelDescription) -> CheckOutcome:
 
 
 def _fmutool(path: Path, description: ModelDescription) -> CheckOutcome:
-    """What another tool says; much of it is its own opinion."""
+    """Result of another tool; much of it is that tool's own opinion."""
     if importlib.util.find_spec("fmu_manipulation_toolbox") is None:
         return CheckOutcome("not run", "it needs a package: pip install fmu-manipulation-toolbox")
     code = "from fmu_manipulation_toolbox.cli.fmutool import fmutool; fmutool()"
@@ -261,7 +262,7 @@ def _fmutool(path: Path, description: ModelDescription) -> CheckOutcome:
 
 
 def _plug_contract(path: Path, description: ModelDescription) -> CheckOutcome:
-    """Our contract is not the standard's; that terminals name variables is."""
+    """Our contract is not part of the standard, but terminals that name variables are."""
     report = plug.check_receiver(path)
     missing = [name for name in REQUIRED_ESTIMATE if name not in report.names]
     errors = [f"{f.variable} {f.message}" for f in report.of("error")]

@@ -1,7 +1,7 @@
-"""A small host: an FMU's own functions, called directly, its library loaded once.
+"""A small host: calls an FMU's own functions directly; its library is loaded once.
 
-Everything that enters the FMU is noted first in a file that outlives the process, so that whoever
-waits for it can say in which call it has crashed or hangs.
+Every call into the FMU is first noted in a file that outlives the process, so that the waiting
+parent can name the call in which it crashed or hangs.
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ from .subject import Number, Subject, SubjectVariable
 from .trace import Trace
 
 Setting = tuple[str, tuple[Any, ...]]
-"""A function that sets, and its arguments after the instance."""
+"""A function that sets values, and its arguments after the instance."""
 
 
 class RefusedError(Exception):
-    """A call that must succeed has returned a status worse than a warning.
+    """A call that must succeed returned a status worse than a warning.
 
     Attributes
     ----------
     said
-        What the FMU has logged meanwhile.
+        What the FMU logged during the call.
     """
 
     def __init__(self, what: str, status: int, message: str) -> None:
@@ -51,7 +51,7 @@ class MissingError(Exception):
 
 
 _LONGEST = 2000
-"""Characters that are kept of what an FMU logs in a call."""
+"""Characters kept of an FMU's log during a call."""
 
 
 class Library:
@@ -60,9 +60,9 @@ class Library:
     Attributes
     ----------
     message
-        What the FMU has logged since it was last emptied, on one line.
+        What the FMU has logged since this was last emptied, on one line.
     fatal
-        Whether a call has returned Fatal: then no instance may be used any more.
+        Whether a call has returned Fatal; then no instance may be used any more.
 
     Raises
     ------
@@ -76,7 +76,7 @@ class Library:
         self.fatal = False
         self._functions: dict[str, Any] = {}
         trace.enter("loading the library")
-        os.chdir(Path(subject.library).parent)  # some look for their files there
+        os.chdir(Path(subject.library).parent)  # some FMUs look for their files there
         self.dll = ctypes.CDLL(subject.library)
         self._callbacks = self._prepared()
 
@@ -92,7 +92,7 @@ class Library:
     def _note(self, environment: int | None, name: bytes, status: int, message: bytes) -> None:
         said = line(message, self._name_of if self.fmi == 2 else None)
         self.trace.say(said)
-        # The last line may only say that it ends, and one before it why.
+        # The last line may only say that it ends, and an earlier one why.
         if said not in self.message:
             self.message = f"{self.message}; {said}"[-_LONGEST:] if self.message else said
 
@@ -103,11 +103,11 @@ class Library:
         return next((v.name for v in variables if (v.kind, v.reference) == wanted), None)
 
     def has(self, function: str) -> bool:
-        """Whether a function, named in full, is exported."""
+        """Whether a function, given by its full name, is exported."""
         return hasattr(self.dll, function)
 
     def call(self, name: str, *arguments: Any) -> Any:
-        """Call a function, named without prefix."""
+        """Call a function, given by its name without prefix."""
         if name not in self._functions:
             self._functions[name] = self._bound(name)
         self.trace.enter(f"fmi{self.fmi}{name}")
@@ -120,7 +120,7 @@ class Library:
             raise MissingError(f"it does not export fmi{self.fmi}{name}") from None
 
     def state(self, name: str) -> str:
-        """The version's spelling of a function for states."""
+        """The name, in this version, of a function for states."""
         return state_function(self.fmi, name)
 
     def access(self, references: Sequence[int], buffer: Any) -> tuple[Any, ...]:
@@ -149,9 +149,9 @@ class Library:
         Parameters
         ----------
         logger
-            For FMI 3, where there need be none.
+            For FMI 3, where it is optional.
         talks
-            Whether its logging is on.
+            Whether logging is on.
         """
         self.message = ""
         resources, callbacks = Path(self.subject.resources), self._callbacks
@@ -168,9 +168,9 @@ class Library:
 
 
 class TracedInstance:
-    """An instance; what is not named ``try_…`` raises `RefusedError` for worse than a warning.
+    """An instance. Methods not named ``try_…`` raise `RefusedError` if worse than a warning.
 
-    One that is not ``born`` is there to be looked at: it knows its library and has no address.
+    One that is not ``born`` is only for inspection: it knows its library and has no address.
     """
 
     def __init__(
@@ -197,7 +197,7 @@ class TracedInstance:
         status: int = self.library.call(name, self.address, *arguments)
         if status == FATAL:
             self.library.fatal = True
-            self.address = None  # nothing may be called on it any more
+            self.address = None  # it must not be called any more
         return status
 
     def do(self, name: str, *arguments: Any, at: float | None = None) -> int:
@@ -211,7 +211,7 @@ class TracedInstance:
         return status
 
     def free(self) -> None:
-        """Give the instance back, in whatever state it is."""
+        """Free the instance, in whatever state it is."""
         if self.address is not None:
             self.library.call("FreeInstance", self.address)
             self.address = None
@@ -266,7 +266,7 @@ class TracedInstance:
         return result
 
     def outputs(self) -> list[Any]:
-        """The values of what is observed, kind by kind; `output_names` are their names."""
+        """The observed values, kind by kind; `output_names` gives their names."""
         if self._read is None:
             access = self.library.access
             self._read = [
@@ -285,26 +285,26 @@ class TracedInstance:
         self.set_all(self.library.settings([(variable, values)]))
 
     def set_all(self, settings: Iterable[Setting]) -> None:
-        """Set what `Library.settings` has prepared."""
+        """Set the values that `Library.settings` has prepared."""
         for function, arguments in settings:
             self.do(function, *arguments)
 
     def state(self) -> ctypes.c_void_p:
-        """A copy of the state, to be given back with `free_state`."""
+        """A copy of the state; free it with `free_state`."""
         state = ctypes.c_void_p()
         self.do(self.library.state("GetFMUState"), ctypes.byref(state))
         return state
 
     def keep(self, state: ctypes.c_void_p) -> None:
-        """Overwrite a copy by the state of now."""
+        """Overwrite a copy with the current state."""
         self.do(self.library.state("GetFMUState"), ctypes.byref(state))
 
     def restore(self, state: ctypes.c_void_p) -> None:
-        """Go back to a copy."""
+        """Restore the state from a copy."""
         self.do(self.library.state("SetFMUState"), state)
 
     def free_state(self, state: ctypes.c_void_p) -> None:
-        """Give a copy back."""
+        """Free a copy."""
         self.do(self.library.state("FreeFMUState"), ctypes.byref(state))
 
     def serialised(self, state: ctypes.c_void_p) -> bytes:
@@ -325,7 +325,7 @@ class TracedInstance:
     def derivative(
         self, unknown: SubjectVariable, knowns: Sequence[SubjectVariable], seed: Sequence[float]
     ) -> list[float]:
-        """The directional derivative of one variable along a seed of all elements of others."""
+        """The directional derivative of a variable along a seed of all elements of others."""
         result = (ctypes.c_double * unknown.size)()
         rows = (ctypes.c_uint32 * 1)(unknown.reference)
         columns = (ctypes.c_uint32 * len(knowns))(*(v.reference for v in knowns))

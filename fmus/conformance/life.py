@@ -29,7 +29,7 @@ from .library import RefusedError
 
 
 def loading(bench: Bench) -> str:
-    """Load, instantiate, initialise and end; only the first two must succeed."""
+    """Load, instantiate, initialise and end. Only the first two must succeed."""
     bench.talks = True
     functions(bench)
     instance = bench.instance()
@@ -48,7 +48,7 @@ def functions(bench: Bench) -> str:
 
 
 def find_level(bench: Bench) -> str:
-    """The first life: how lively a run may be."""
+    """The first life: determines how much activity a run may have."""
     bench.talks = True
     subject, library = bench.subject, bench.library
     version = (library.call("GetVersion") or b"").decode(errors="replace")
@@ -82,7 +82,7 @@ def find_level(bench: Bench) -> str:
 
 
 def live_again(bench: Bench) -> str:
-    """The same life in another process, and once more where that is allowed."""
+    """The same life in another process, and again in this one if allowed."""
     facts = bench.facts
     for _ in range(1 if bench.subject.once else 2):
         instance = bench.instance()
@@ -113,7 +113,7 @@ def free_any_time(bench: Bench) -> str:
 
 
 def _tried(bench: Bench, level: str) -> list[Values]:
-    """The run of the first instance, if all can run like this."""
+    """The run of the first instance, provided that all can run like this."""
     for number in range(1 if bench.subject.once else INSTANCES):
         instance = bench.instance()
         try:

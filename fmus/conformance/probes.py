@@ -1,4 +1,4 @@
-"""Calls that are tried on instances of their own, and what has to come of them."""
+"""Calls tried on instances of their own, and the required answer to each."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ from .bench import Bench, Clauses, ConcernError, advance, begin
 from .library import RefusedError, TracedInstance
 
 Act = Callable[[TracedInstance], object]
-"""Returns the status where that is judged."""
+"""Returns the status if that is judged."""
 
 NONE, NEW, INITIALISING, STEPPING, STEPPED, TERMINATED = range(6)
-"""Modes of an instance; ``NONE``: there is none yet."""
+"""Modes of an instance; ``NONE``: there is no instance yet."""
 
 
 @dataclass(frozen=True, slots=True)
 class Probe:
-    """A call that is to be answered in some way.
+    """A call that must be answered in some way.
 
     Attributes
     ----------
     label
         Words for it.
     mode
-        Of the instance that gets it.
+        Mode of the instance that receives it.
     clauses
-        Where the standard says that it is lawful, or must be borne.
+        Sections of the standard that make it lawful, or require the FMU to tolerate it.
     refusal
-        Where the standard says that it must be refused; None: any answer will do.
+        Sections that require its refusal; None: any answer will do.
     """
 
     label: str
@@ -50,9 +50,9 @@ NOWHERE: Clauses = (None, None)
 
 
 def probed(bench: Bench, probes: Sequence[ProbeRow], what: str = "answered") -> str:
-    """Make each call on an instance of its own; it must return, and some must be refused.
+    """Make each call on an instance of its own. It must return, and some calls must be refused.
 
-    What must be borne comes first: what an unlawful call has broken does not count.
+    Calls that must be tolerated come first: damage by unlawful calls does not count.
     """
     level, fmi = bench.facts["level"], bench.subject.fmi
     ordered = [Probe(*row) for row in probes]

@@ -1,12 +1,12 @@
 """Does an FMU honour the plug contract of a receiver?
 
-The contract: the outputs `REQUIRED_ESTIMATE` are there; of the other ports (`RECEPTION`,
-`PING_POSE` and `DEPTH` as inputs, `ESTIMATE` and `SYSTEM` as outputs) each one that the FMU
-declares has the port's name, causality, type, shape and unit; the number of beacons may be any for
-which components are made, the same everywhere. Further outputs and ports left out are fine. An
-array is an FMI 3 array, or scalars ``name[i]``, ``name[i,j]`` counted from 1. Where the FMU has
-terminals of our kinds, these say which variable is which port; elsewhere the names do. CasADi is
-not loaded, and the FMU's binary only on demand.
+The contract: the outputs `REQUIRED_ESTIMATE` exist. Of the other ports (`RECEPTION`, `PING_POSE`
+and `DEPTH` as inputs, `ESTIMATE` and `SYSTEM` as outputs), each one that the FMU declares has the
+port's name, causality, type, shape and unit. The number of beacons may be any that components can
+be made for, the same everywhere. Additional outputs and missing ports are fine. An array is an FMI
+3 array, or scalars ``name[i]``, ``name[i,j]`` counted from 1. If the FMU has terminals of our
+kinds, these map variables to ports; otherwise the names do. CasADi is not loaded, and the FMU's
+binary only on demand.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _TYPES = {old: new for new, old in FMI2_TYPES.items()}
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """What there is to say about one variable, or about the FMU as a whole (``variable`` is "FMU").
+    """A statement about one variable, or about the FMU as a whole (``variable`` is "FMU").
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class ContractReport:
     ----------
     names
         Names of the FMU's variables, without indices, for each port that it declares. They differ
-        from the port's only where a terminal says so.
+        from the port's name only if a terminal says so.
     """
 
     path: Path
@@ -98,7 +98,7 @@ class ContractReport:
 
 @dataclass(frozen=True, slots=True)
 class _Declared:
-    """A variable of the FMU as the contract sees it: an FMI 3 array, or scalars with indices.
+    """A variable of the FMU as seen by the contract: an FMI 3 array, or scalars with indices.
 
     ``scalars`` holds the FMU's variables by their indices; a whole variable has the key ``()``.
     """
@@ -106,24 +106,24 @@ class _Declared:
     scalars: Mapping[tuple[int, ...], ModelVariable]
 
     def values(self, attribute: str) -> set[str | None]:
-        """The different values of an attribute over all elements."""
+        """The distinct values of an attribute over all elements."""
         return {getattr(v, attribute) for v in self.scalars.values()}
 
     @property
     def shape(self) -> tuple[int, ...] | None:
-        """Shape of the array; None if elements are missing or have an unequal number of indices."""
+        """Shape of the array; None if elements are missing or have different numbers of indices."""
         if () in self.scalars:
             return tuple(self.scalars[()].shape or ()) if len(self.scalars) == 1 else None
         if len({len(indices) for indices in self.scalars}) > 1:
             return None
         shape = tuple(map(max, zip(*self.scalars, strict=True)))
-        # As many elements as the port has, and none twice: all of them.
+        # As many elements as the port has, and none twice: that is all of them.
         complete = math.prod(shape) == len(self.scalars) and min(map(min, self.scalars)) > 0
         return shape if complete else None
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the FMU's variables, without indices; more than one only by a terminal."""
+        """Names of the FMU's variables, without indices; more than one only through a terminal."""
         return tuple(dict.fromkeys(split(v.name)[0] for v in self.scalars.values()))
 
 
@@ -133,8 +133,7 @@ def check_receiver(path: str | Path, *, load: bool = False) -> ContractReport:
     Parameters
     ----------
     load
-        Whether to load and instantiate the FMU, too; in a process of its own, as that runs code of
-        it.
+        Whether to load and instantiate the FMU too, in a process of its own, as this runs its code.
 
     Raises
     ------
@@ -153,7 +152,7 @@ def check_receiver(path: str | Path, *, load: bool = False) -> ContractReport:
     if terminals is not None:
         findings += _check_members(terminals, variables)
         named = port_names(terminals, variables)
-    # A variable without a terminal gives way to one that has its name by a terminal.
+    # A variable that a terminal maps to a port takes precedence over one with the port's name.
     own = {name: v for name, v in variables.items() if name not in {*named, *named.values()}}
     declared = _declared(own | {named[name]: variables[name] for name in named})
     findings += _check_ports(declared, description)
@@ -192,7 +191,7 @@ def _check_ports(
 
 
 def _beacons_of(declared: Mapping[str, _Declared]) -> Dimension:
-    """For how many beacons a receiver is made, by the first port that says so."""
+    """Number of beacons a receiver is made for, from the first port that shows it."""
     for name, port in _PORTS.items():
         shape = declared[name].shape if name in declared else None
         rows = port.rows
@@ -301,7 +300,7 @@ def _problems(
 
 
 def _unit(variable: ModelVariable, description: ModelDescription) -> str | None:
-    """The unit of a variable, by our name for it if it is one that we know by another name."""
+    """The unit of a variable, under our name for it if we know it by another name."""
     name: str | None = variable.unit
     if name is None and variable.declaredType is not None:
         name = variable.declaredType.unit

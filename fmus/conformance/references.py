@@ -1,4 +1,4 @@
-"""The check of value references that are no variable's."""
+"""The check of value references that belong to no variable."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .probes import INITIALISING, NEW, NOWHERE, STEPPED, Act, ProbeRow, call, pr
 from .subject import Subject
 
 _UNKNOWN: Clauses = ("2.1.2", None)
-"""FMI 3 asks for an error of what an FMU detects (3.0.2, 2.2.4), not that it does."""
+"""FMI 3 requires an error for what an FMU detects (3.0.2, 2.2.4), but not that it detects it."""
 
 
 def unknown_references(bench: Bench) -> str:
@@ -23,11 +23,11 @@ def unknown_references(bench: Bench) -> str:
 
 
 def _unknown_values(subject: Subject, kind: str) -> Iterator[ProbeRow]:
-    """References of no variable of a type."""
+    """References that no variable of a type has."""
     known = {v.reference for v in subject.variables}
-    own = {v.reference for v in subject.variables if v.kind == kind}  # FMI 2 counts for each type
+    own = {v.reference for v in subject.variables if v.kind == kind}  # FMI 2 counts per type
     wrong = [v.reference for v in subject.variables if v.kind != kind][:1]
-    # A variable that the description does not name may have one that is close to theirs.
+    # A variable missing from the description may have a reference close to theirs.
     doubtful = {max(known, default=0) + 1, *wrong, *known.intersection(_FAR)}
     for reference in sorted({*doubtful, *_FAR} - own - {_TOO_LARGE}):
         refusal = NOWHERE if reference in doubtful else _UNKNOWN
@@ -55,13 +55,13 @@ def _unknown_derivatives(subject: Subject) -> Iterator[ProbeRow]:
         act = call(name, references[0], 1, references[1], 1, spare, *size, spare, *size)
         what = ("unknown", "known")[place]
         label = f"fmi{subject.fmi}{name} with the {what} {_FAR[0]}, which is no variable"
-        # That derivatives are checked, too, is not what the standard's own FMUs take it to say.
+        # The standard's own FMUs do not take it to require checks of derivatives too.
         yield label, STEPPED, act, _UNKNOWN, NOWHERE
 
 
 def _access(name: str, reference: int, kind: str) -> Act:
     def act(instance: TracedInstance) -> int:
-        size, fmi = 64, instance.library.fmi  # with room for more than is asked for
+        size, fmi = 64, instance.library.fmi  # with room for more than requested
         references = (ctypes.c_uint32 * 1)(reference)
         if kind == "Binary":
             sizes, texts = (ctypes.c_size_t * size)(), (ctypes.c_char_p * size)(*[b""] * size)

@@ -1,4 +1,4 @@
-"""Checks of what an FMU uses up."""
+"""Checks of the resources that an FMU uses."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def leaks(bench: Bench) -> str:
             _live(bench, level, inputs)
         except RefusedError as refusal:
             raise ConformanceError(f"instance {life + 1:,} of this process: {refusal}") from None
-    # What fills up once does so in one of the intervals; a leak goes on.
+    # A one-time growth appears in one of the intervals. A leak continues.
     lives = _MEASURED[1] - _MEASURED[0]
     growth = max(min(b - a, c - b) for a, b, c in zip(*sizes, strict=True)) / lives
     if growth > _LEAK:
@@ -61,10 +61,10 @@ class _Mallinfo2(ctypes.Structure):
 
 
 def _memory() -> tuple[int, ...]:
-    """Bytes of memory that this process occupies, and, with glibc, that it has allocated."""
+    """Memory in bytes that this process occupies and, with glibc, that it has allocated."""
     gc.collect()  # an FMU may be written in Python
-    # A small leak hides in what was freed before, and is seen in what is allocated; an FMU with an
-    # allocator of its own is seen in what is occupied.
+    # A small leak hides in previously freed memory, but shows in what is allocated. An FMU with its
+    # own allocator shows in what is occupied.
     sizes = []
     try:
         info = ctypes.CDLL(None).mallinfo2
@@ -73,7 +73,7 @@ def _memory() -> tuple[int, ...]:
         sizes.append(now.uordblks + now.hblkhd)
     except (AttributeError, TypeError):
         pass
-    try:  # what Linux tells elsewhere is not exact
+    try:  # Linux's other sources are not exact
         rollup = Path("/proc/self/smaps_rollup").read_text()
         sizes += [int(kB) * 1024 for kB in re.findall(r"^Rss:\s*(\d+) kB", rollup, re.MULTILINE)]
     except OSError:

@@ -1,8 +1,8 @@
-"""Checks of calls that a host should not make, and of some that it may and few think of.
+"""Checks of calls that a host should not make, and of some rare ones that it may make.
 
-Whether a crash is a violation depends on the call: the standard asks a function to bear few of
-these. A probe cites where it does; elsewhere the crash is a warning. Some calls must not be done
-either: they are to be answered by a status worse than a warning.
+Whether a crash is a violation depends on the call: the standard requires FMUs to tolerate few of
+these. If it does, the probe cites the section; otherwise the crash is a warning. Some calls must
+also fail: their answer must be a status worse than a warning.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ from .probes import (
 from .subject import Number, Subject, SubjectVariable
 
 _SAMPLE = 40
-"""Variables that are set to invalid values, at most."""
+"""Maximum number of variables that are set to invalid values."""
 _SAMPLE_ONCE = 4
-"""The same where each call takes a process of its own."""
+"""The same if each call takes a process of its own."""
 
 
 def _settable(subject: Subject) -> list[SubjectVariable]:
@@ -76,7 +76,7 @@ def _step_after_reset(instance: TracedInstance) -> None:
 
 
 def _out_of_order(subject: Subject) -> list[ProbeRow]:
-    """Calls of the life cycle where it has no room for them."""
+    """Calls of the life cycle at times when it does not allow them."""
     t, h = subject.start, subject.step
     return [
         ("a step before initialisation", NEW, step(t, h)),
@@ -119,7 +119,7 @@ def _settings_out_of_order(subject: Subject) -> Iterator[ProbeRow]:
 
 
 def _odd_states(subject: Subject, library: Library) -> Iterator[ProbeRow]:
-    """Functions for states that are not claimed, and serialised states of another size."""
+    """Functions for states that are not claimed, and serialised states of the wrong size."""
     pointer = ctypes.c_void_p()
     if not subject.saves:
         name = library.state("GetFMUState")
@@ -135,7 +135,7 @@ def _odd_states(subject: Subject, library: Library) -> Iterator[ProbeRow]:
 
 
 def _odd_functions(subject: Subject) -> Iterator[ProbeRow]:
-    """Functions that a host for Co-Simulation without event mode has no use for."""
+    """Functions that a host for Co-Simulation without event mode does not use."""
     spare = room()
     names: dict[str, tuple[Any, ...]]
     if subject.fmi == 2:
@@ -159,7 +159,8 @@ def _odd_functions(subject: Subject) -> Iterator[ProbeRow]:
 def _odd_instantiations(subject: Subject) -> Iterator[ProbeRow]:
     token = subject.token.encode()
     yield "instantiation with an empty name", NONE, _instantiate(b"", token)
-    # That it is compared is what it is there for, and no duty (FMI 2.0.5, 2.1.5; FMI 3.0.2, 2.3.1).
+    # The token exists to be compared, but this is not required (FMI 2.0.5, 2.1.5; FMI 3.0.2,
+    # 2.3.1).
     for what, other in (("a wrong", b"not the token of this FMU"), ("an empty", b"")):
         if other != token:
             act = _instantiate(b"conformance", other)
@@ -179,7 +180,7 @@ def _instantiate(name: bytes | None, token: bytes | None, logger: bool = True) -
 
 
 def _deserialise(change: int) -> Act:
-    """Bytes of a state, with some left out or put on; 0: none at all."""
+    """Bytes of a state, with some removed or added; 0: none at all."""
 
     def act(instance: TracedInstance) -> None:
         state = instance.state()
@@ -222,7 +223,7 @@ def _cast(variable: SubjectVariable, value: float) -> Number:
 
 
 def _live_with(variable: SubjectVariable, value: Number, mode: int) -> Act:
-    """Set a value and go on to the end of a step, unless the FMU has refused it."""
+    """Set a value and continue to the end of a step, unless the FMU refuses the value."""
 
     leave = "ExitInitializationMode"
 
@@ -250,7 +251,7 @@ def null_pointers(bench: Bench) -> str:
 
 
 def _null_texts(subject: Subject) -> Iterator[ProbeRow]:
-    """NULL where texts and callbacks are expected."""
+    """NULL in place of texts and callbacks."""
     fmi, token = subject.fmi, subject.token.encode()
     yield (
         f"fmi{fmi}FreeInstance(NULL)", NEW, bare("FreeInstance", None), ("2.1.5", "2.3.1")
@@ -269,7 +270,7 @@ def _null_texts(subject: Subject) -> Iterator[ProbeRow]:
 
 
 def _null_values(subject: Subject, kind: str) -> Iterator[ProbeRow]:
-    """NULL for the arrays of the functions that get and set a type."""
+    """NULL in place of the arrays of the functions that get and set a type."""
     fmi, spare = subject.fmi, room()
     nothing = (0,) if fmi == 3 else ()
     here = [v for v in subject.variables if v.kind == kind]
@@ -297,7 +298,7 @@ def _null_values(subject: Subject, kind: str) -> Iterator[ProbeRow]:
 
 
 def _null_instances(subject: Subject) -> Iterator[ProbeRow]:
-    """NULL for the instance, and for the results of a step."""
+    """NULL in place of the instance, and of the results of a step."""
     fmi, t, h = subject.fmi, subject.start, subject.step
     for name in ("ExitInitializationMode", "Terminate", "Reset"):
         yield f"fmi{fmi}{name}(NULL)", NEW, bare(name, None)

@@ -31,7 +31,7 @@ State = Literal["passed", "failed", "warning", "blocked", "does not apply", "not
 PATIENCE = 30.0
 """Seconds that a call may take."""
 _CRASHES = 5
-"""So many crashes are told of one check; then it is left."""
+"""Number of crashes after which a check is abandoned."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,9 +41,9 @@ class CheckOutcome:
     Attributes
     ----------
     reason
-        What was seen if it passed; else why it did not pass, in one line.
+        What was seen if the check passed; otherwise why it did not, in one line.
     clause
-        Edition and section of the standard that is violated; empty if none is.
+        Edition and section of the standard that is violated; empty if none.
     """
 
     state: State
@@ -88,7 +88,7 @@ def run(folder: Path, check: Check, patience: float) -> CheckOutcome:
 
 @dataclass(frozen=True, slots=True)
 class _Finding:
-    """A call with a bad end: ``how`` stands before it. The clause forbids that, if there is one."""
+    """A call with a bad end, described by ``how``. The clause, if any, forbids that."""
 
     how: str
     call: str
@@ -118,7 +118,7 @@ def _step(folder: Path, subject: Subject, check: Check, step: int, patience: flo
         findings.append(_Finding(ending, position.call + said, violated))
         if position.probe is None:
             break
-        first = position.probe + 1  # the others may be answered
+        first = position.probe + 1  # the others may get an answer
     untried = len(findings) == _CRASHES
     findings += _accepted(folder)
     blamed = [finding for finding in findings if finding.clause]
@@ -140,7 +140,7 @@ def _accepted(folder: Path) -> list[_Finding]:
 
 
 def _without(folder: Path, text: str) -> str:
-    """A text without the name of a folder that nobody will find."""
+    """A text without the name of a temporary folder."""
     return text.replace(f"{folder / 'fmu'}/", "")
 
 
@@ -157,12 +157,12 @@ def _some(names: Sequence[str]) -> str:
 
 
 def _process(folder: Path, check: Check, step: int, first: int, patience: float) -> str | None:
-    """Run one step; None if it has left a result, else how it has ended instead."""
+    """Run one step; None if it has left a result, otherwise how it ended instead."""
     arguments = [str(folder), check.name, str(step), str(first)]
     (folder / "trace").unlink(missing_ok=True)
     process = subprocess.Popen(
         [sys.executable, "-P", "-m", f"{__package__}.child", *arguments],
-        # What an FMU prints, or a process that it starts, must not hold us up.
+        # Output of the FMU, or of a process that it starts, must not block us.
         stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
         start_new_session=True,
     )  # fmt: skip
@@ -185,7 +185,7 @@ def _process(folder: Path, check: Check, step: int, first: int, patience: float)
 
 
 def _wait(process: subprocess.Popen[bytes], folder: Path, patience: float) -> bool:
-    """Whether the process has come to its end; not if it hangs."""
+    """Whether the process has ended; False if it hangs."""
     seen = ""
     while True:
         try:
@@ -199,7 +199,7 @@ def _wait(process: subprocess.Popen[bytes], folder: Path, patience: float) -> bo
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
-    """End a process that hangs, or that somebody has interrupted, and what it has started."""
+    """End a process that hangs or was interrupted, and everything it has started."""
     if sys.platform == "win32":
         process.kill()
         return

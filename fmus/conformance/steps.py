@@ -22,7 +22,7 @@ from .library import RefusedError, TracedInstance
 from .subject import Subject, SubjectVariable
 
 CUTS = (2, 5)
-"""Into how many parts a step is cut."""
+"""Numbers of parts into which a step is cut."""
 
 
 def step_sizes(bench: Bench) -> str:
@@ -77,7 +77,7 @@ def derivatives(bench: Bench) -> str:
     if not pairs:
         raise NotApplicableError("no real output depends directly on a real input")
     instance = bench.instance()
-    instance.enter()  # there, values may be set and read in turn
+    instance.enter()  # in this mode, values may be set and read in turn
     compared = 0
     for number in range(3):
         moved = stimulus(subject, REALS, number + 1, number)
@@ -98,7 +98,7 @@ def _smooth(variable: SubjectVariable) -> bool:
 
 
 def _inside(variable: SubjectVariable, value: float) -> float:
-    """A value that can be moved to both sides."""
+    """A value that can be changed in both directions."""
     low, high = variable.min, variable.max
     if low is not None and high is not None:
         margin = min(0.1, 0.1 * (high - low))
@@ -113,7 +113,7 @@ def _compare_derivative(
     u: Sequence[SubjectVariable],
     point: dict[SubjectVariable, list[float]],
 ) -> int:
-    """How many random directions agree."""
+    """Number of random directions that agree."""
     generator = random.Random(y.reference)
     inner = [value for v in u for value in point[v]]
     agreed = 0

@@ -1,7 +1,7 @@
-"""What the checks know of an FMU: facts of its modelDescription.xml, without FMPy.
+"""What the checks know about an FMU: facts from its modelDescription.xml, without FMPy.
 
-The checks run in processes of their own, many of them, which must start quickly: they get these
-facts and import nothing but the standard library.
+The checks run in many separate processes, which must start quickly. They receive these facts and
+import only the standard library.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ class SubjectVariable:
     Attributes
     ----------
     kind
-        End of the names of the functions that get and set it, e.g. ``Real`` or ``Float64``.
+        End of the names of the functions that get and set it, for example ``Real`` or ``Float64``.
     start
         Per element; None if the FMU gives none.
     choice
@@ -42,7 +42,7 @@ class SubjectVariable:
 
     @property
     def number(self) -> bool:
-        """Whether it has values that one can calculate with."""
+        """Whether arithmetic with its values makes sense."""
         return self.kind not in ("String", "Binary", "Clock", "Boolean") and not self.choice
 
     @property
@@ -60,14 +60,14 @@ class Subject:
     library, resources
         Paths of the binary for this machine and of the folder of resources.
     functions
-        Names of all functions that it has to export.
+        Names of all functions that it must export.
     once, saves, serialises, variable_steps, derivatives
         Its capability flags.
     tool
-        Whether it needs a tool that is not part of it.
+        Whether it needs a tool that it does not include.
     start, step, steps, tolerance
-        Start in s, communication interval in s and number of steps of all runs, and the relative
-        tolerance of results, from the default experiment as far as it says.
+        Start in s, communication interval in s, number of steps of all runs, and relative tolerance
+        of results. Taken from the default experiment where it states them.
     internal_step
         Fixed internal step in s (FMI 3), of which every step is a multiple.
     dependencies
@@ -95,11 +95,11 @@ class Subject:
     dependencies: tuple[tuple[int, tuple[int, ...]], ...]
 
     def of(self, *causalities: str) -> tuple[SubjectVariable, ...]:
-        """The variables of these causalities that are always there."""
+        """The variables with these causalities that always exist."""
         return tuple(v for v in self.variables if v.causality in causalities and not v.clocked)
 
     @property
     def observed(self) -> tuple[SubjectVariable, ...]:
-        """The variables that are compared: the outputs, else what there is to be seen."""
+        """The variables to compare: the outputs, or else whatever can be observed."""
         seen = self.of("output") or self.of("local")
         return tuple(v for v in seen if v.kind not in ("Binary", "Clock"))

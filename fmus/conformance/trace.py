@@ -1,4 +1,4 @@
-"""How far a process is, noted where whoever waits for it can read it after a crash."""
+"""Progress of a process, written where a waiting parent can read it after a crash."""
 
 from __future__ import annotations
 
@@ -11,11 +11,12 @@ _TRACE = 2048
 
 
 class Trace:
-    """How far this process is, in a file that outlives it.
+    """Progress of this process, in a file that outlives it.
 
-    It holds ``COUNT PROBE CLAUSE WHAT``: how often it was written, the number of the probe after
-    which one can go on (or ``-``), the section of the standard by which that call must be borne
-    (or ``-``), and the call under way; on a second line, what the FMU has logged in it.
+    The file holds ``COUNT PROBE CLAUSE WHAT``: how often it was written, the number of the probe
+    after which to continue (or ``-``), the section of the standard that requires the FMU to
+    tolerate that call (or ``-``), and the current call. A second line holds the FMU's log during
+    the call.
     """
 
     def __init__(self, path: Path) -> None:
@@ -25,7 +26,7 @@ class Trace:
         self._count, self._probe, self._label, self._call = 0, "- -", "", ""
 
     def enter(self, call: str) -> None:
-        """Note the call that comes now."""
+        """Note the call that follows."""
         self._count += 1
         self._call = f"{self._count} {self._probe} {self._label or call}"
         self._write(self._call)
@@ -38,27 +39,27 @@ class Trace:
         self._map[:] = text.encode()[:_TRACE].ljust(_TRACE, b"\0")
 
     def probe(self, number: int, label: str, clause: str | None) -> None:
-        """Note what the following calls are, as far as people are concerned."""
+        """Note what the following calls are, in words for people."""
         self._probe, self._label = f"{number} {clause or '-'}", label
         self.enter(label)
 
 
 @dataclass(frozen=True, slots=True)
 class Position:
-    """How far a process is or was.
+    """Progress of a process.
 
     Attributes
     ----------
     count
         Changes as long as the process goes on.
     probe
-        Number of the probe; None outside of any.
+        Number of the probe; None outside any probe.
     clause
-        By which its call must be borne, if any.
+        Section that requires the FMU to tolerate its call, if any.
     call
-        What is or was under way.
+        Current or last call.
     said
-        What the FMU has logged in it.
+        What the FMU has logged during it.
     """
 
     count: str
@@ -69,7 +70,7 @@ class Position:
 
 
 def read_trace(path: Path) -> Position:
-    """What a trace says."""
+    """Read a trace."""
     text = path.read_bytes().strip(b"\0") if path.is_file() else b""
     where, _, said = (text or b"0 - - its start").decode(errors="replace").partition("\n")
     count, probe, clause, call = where.split(" ", 3)

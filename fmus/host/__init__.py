@@ -1,1 +1,1 @@
-"""FMUs as a program uses them: their functions, and instances of them."""
+"""FMUs as used by a program: their functions and instances."""

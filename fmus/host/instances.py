@@ -1,6 +1,6 @@
-"""Instances of FMUs: one view of FMI 2.0 and FMI 3.0, on FMPy.
+"""Instances of FMUs: one interface to FMI 2.0 and FMI 3.0, based on FMPy.
 
-`acquire` and `release` lend instances: an FMU is instantiated once per process and name and reset
+`acquire` and `release` lend instances. An FMU is instantiated once per process and name, and reset
 before each further use.
 """
 
@@ -41,10 +41,10 @@ Call = Callable[[], int]
 DTYPES: Mapping[str, type[np.generic]] = MappingProxyType(
     {name: np.dtype(C_TYPES[3][name]).type for name in NUMBERS}
 )
-"""The types of FMI that can be connected, set and recorded, as NumPy has them."""
+"""FMI types that can be connected, set and recorded, with their NumPy types."""
 
 LOADING, UNLOADING = "loading", "unloading"
-"""What messages say instead of a function's name."""
+"""Text in messages in place of a function's name."""
 
 _INSTANTIATE = {2: "fmi2Instantiate", 3: "fmi3InstantiateCoSimulation"}
 _LOG_CATEGORIES = ("logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal")
@@ -53,8 +53,8 @@ _LOG_CATEGORIES = ("logStatusWarning", "logStatusDiscard", "logStatusError", "lo
 class Instance:
     """An instance of an FMU, FMI 2 or FMI 3.
 
-    Calls of the inner loop go straight to the FMU's C functions, with addresses that were worked
-    out beforehand: FMPy's own `getReal` builds lists and takes several times as long.
+    Calls of the inner loop go directly to the FMU's C functions, with addresses computed
+    beforehand. FMPy's own `getReal` builds lists and takes several times as long.
     """
 
     def __init__(self, fmu: Fmu, name: str) -> None:
@@ -84,7 +84,7 @@ class Instance:
                 else:
                     self._fmu.instantiate(loggingOn=True, logMessage=logs.logger3(self._note))
         except Exception as error:  # FMPy raises Exception itself
-            os.chdir(here)  # FMPy stays in the library's folder if that cannot be loaded
+            os.chdir(here)  # FMPy stays in the library's folder if loading fails
             reason = self.said() or str(error).replace(f"{folder}{os.sep}", "")
             raise self._blamed(
                 f"{name}: {fmu.path} must load and instantiate, got: {reason}"
@@ -95,7 +95,7 @@ class Instance:
         self.usable = True
 
     def _note(self, status: int, message: bytes) -> None:
-        """Take a message of the FMU."""
+        """Receive a message of the FMU."""
         if status >= WARNING:
             text = line(message, self._name_of if self.fmu.fmi == 2 else None)
             if text not in self._log:
@@ -103,7 +103,7 @@ class Instance:
                 watch().said(self.name, "; ".join(self._log))
 
     def _name_of(self, kind: str, reference: int) -> str | None:
-        """The variable of a type of FMI 2 that has a value reference."""
+        """The variable of an FMI 2 type with a value reference."""
         for port in self.fmu.ports.values():
             if FMI2_TYPES.get(port.type, port.type) == kind and reference in port.references:
                 return port.variables[port.references.index(reference)]
@@ -115,7 +115,7 @@ class Instance:
         return error
 
     def said(self) -> str:
-        """What the FMU has logged since it was asked last, the newest messages only."""
+        """Messages of the FMU since the last call; only the newest ones."""
         text = "; ".join(self._log)
         self._log.clear()
         return text
@@ -132,7 +132,7 @@ class Instance:
         )
 
     def ended_early(self) -> int:
-        """The status to report if a step went well but was not, or not to be, the whole step."""
+        """The status to report if a step succeeded but was incomplete, or must not be complete."""
         self._log.append("the FMU ended the simulation or the step early")
         return DISCARD
 
@@ -142,13 +142,14 @@ class Instance:
         return int(self._component)
 
     def address(self, function: str) -> int:
-        """Address of a function of the standard, for C; named in full, e.g. ``fmi2GetReal``."""
+        """Address of a function of the standard, for C; by its full name, for example
+        ``fmi2GetReal``."""
         address = ctypes.cast(self._function[function[4:]], ctypes.c_void_p).value
         assert address is not None
         return address
 
     def _call(self, name: str, *arguments: Any) -> None:
-        """Call a function, without its prefix, outside of the loop; it must succeed."""
+        """Call a function, by its name without prefix, outside the loop; it must succeed."""
         function = f"fmi{self.fmu.fmi}{name}"
         with watch().calling(self.name, function):
             status = self._function[name](self._component, *arguments)
@@ -156,7 +157,7 @@ class Instance:
             raise self.failure(function, status)
 
     def _quieten(self) -> None:
-        """Log nothing but trouble, if the FMU has the standard's categories for that."""
+        """Log only problems, if the FMU has the standard's categories for this."""
         wanted = [c.encode() for c in self.fmu.log_categories if c in _LOG_CATEGORIES]
         if wanted:
             categories = (ctypes.c_char_p * len(wanted))(*wanted)
@@ -166,7 +167,7 @@ class Instance:
                 )
 
     def reset(self) -> None:
-        """Back to the state after instantiation."""
+        """Return to the state after instantiation."""
         self._log.clear()
         self._call("Reset")
 
@@ -201,9 +202,9 @@ class Instance:
         self._call("ExitInitializationMode")
 
     def _set_together(self, settings: Sequence[tuple[Port, Vector]]) -> bool:
-        """Set parameters with one call per type; False: one is refused, and they are to be named.
+        """Set parameters with one call per type; False: one is refused and must be identified.
 
-        An FMU of ours that refuses a call is as it was before.
+        One of our FMUs that refuses a call stays unchanged.
         """
         for kind in {port.type for port, _ in settings}:
             own = [(port, values) for port, values in settings if port.type == kind]
@@ -219,13 +220,13 @@ class Instance:
         self._call("Terminate")
 
     def free(self) -> None:
-        """Give the instance up; it must not be used again."""
+        """Free the instance; it must not be used again."""
         self.usable = False
         with watch().calling(self.name, f"fmi{self.fmu.fmi}FreeInstance"):
             self._function["FreeInstance"](self._component)
 
     def function(self, verb: str, kind: str) -> str:
-        """Name of the function that gets or sets a type, e.g. ``fmi2GetReal``."""
+        """Name of the function that gets or sets a type, for example ``fmi2GetReal``."""
         name = f"{verb}String" if kind == "String" else accessor(self.fmu.fmi, verb, kind)
         return f"fmi{self.fmu.fmi}{name}"
 
@@ -257,7 +258,7 @@ class Instance:
         return self._bind("Set", kind, references, source)
 
     def _text_setter(self, port: Port, text: str) -> Call:
-        """A call that sets a variable that is a single text."""
+        """A call that sets a variable consisting of a single text."""
         value = (ctypes.c_char_p * 1)(text.encode())
         refs = np.array(port.references, np.uint32)
         function = exported(self._fmu.dll, self.fmu.fmi, "SetString")
@@ -297,11 +298,11 @@ class Instance:
 
 
 _IDLE: dict[tuple[str, str], list[Instance]] = {}
-_LOCK = threading.Lock()  # FMPy changes the folder of the process while it loads a library
+_LOCK = threading.Lock()  # FMPy changes the folder of the process while loading a library
 
 
 def acquire(fmu: Fmu, name: str) -> Instance:
-    """An instance in the state after instantiation, to be given back with `release`.
+    """An instance in the state after instantiation, to be returned with `release`.
 
     Raises
     ------
@@ -315,11 +316,11 @@ def acquire(fmu: Fmu, name: str) -> Instance:
             instance.name = name
             try:
                 instance.reset()
-            except FmuError as error:  # some FMUs cannot be reset: the next instance is new
+            except FmuError as error:  # some FMUs cannot be reset: make a new instance
                 if fmu.once:
                     raise FmuError(
-                        f"{name}: FMU {fmu.path} allows one instance per process, which must "
-                        f"bear a reset to be used again, got: {one_line(error)}"
+                        f"{name}: FMU {fmu.path} allows one instance per process, so it must "
+                        f"accept a reset to be used again, got: {one_line(error)}"
                     ) from error
                 continue
             return instance
@@ -327,13 +328,13 @@ def acquire(fmu: Fmu, name: str) -> Instance:
 
 
 def release(instance: Instance) -> None:
-    """Give an instance back, in whatever state it is."""
+    """Return an instance, in whatever state it is."""
     if instance.usable:
         _IDLE.setdefault(_slot(instance.fmu, instance.name), []).append(instance)
 
 
 def idle() -> list[Instance]:
-    """Take all instances that nobody uses."""
+    """Take all unused instances."""
     with _LOCK:
         instances = list(chain.from_iterable(_IDLE.values()))
         _IDLE.clear()
@@ -341,7 +342,7 @@ def idle() -> list[Instance]:
 
 
 def _slot(fmu: Fmu, name: str) -> tuple[str, str]:
-    """Instances keep their names, by which an FMU's messages are told apart."""
+    """Instances keep their names, which tell an FMU's messages apart."""
     return fmu.sha256, "" if fmu.once else name
 
 
@@ -352,7 +353,7 @@ _USED = (
 
 
 def _functions(library: Any, fmi: int) -> dict[str, Any]:
-    """The C functions in use, by name without prefix, taking addresses as plain numbers."""
+    """The C functions in use, by name without prefix, with addresses as plain numbers."""
     kinds = [name for name in NUMBERS if fmi == 3 or name in FMI2_TYPES]
     values = [accessor(fmi, verb, kind) for verb in ("Get", "Set") for kind in kinds]
     names = [*_USED, *values, *(["SetupExperiment"] if fmi == 2 else [])]
@@ -360,7 +361,7 @@ def _functions(library: Any, fmi: int) -> dict[str, Any]:
 
 
 def unload(instances: Sequence[Instance]) -> None:
-    """Unload the library of instances that are all it had, and that were freed."""
+    """Unload the library of instances that are freed and were its only ones."""
     first = instances[0]
     with watch().calling(first.name, UNLOADING):
         libraries.unload(first._library, [i._fmu.dll._handle for i in instances])

@@ -1,4 +1,4 @@
-"""The libraries of FMUs: unpacked once per process, loaded, unloaded, known as ours or not."""
+"""Libraries of FMUs: unpacked once per process, loaded, unloaded, and recognised as ours or not."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ _OURS: dict[str, bool] = {}
 
 
 def ours(fmu: Fmu) -> bool:
-    """Whether an FMU is one that this project has built; nothing in it is run to find out."""
+    """Whether this project built an FMU; nothing in it is run to find out."""
     if fmu.sha256 not in _OURS:
         _OURS[fmu.sha256] = is_build(fmu.path, fmu.identifier, fmu.sha256)
     return _OURS[fmu.sha256]
 
 
 def trust(sha256s: Iterable[str]) -> None:
-    """Take these FMUs to be ours: whoever has sent them knows it."""
+    """Treat these FMUs as ours: their sender has checked."""
     _OURS.update(dict.fromkeys(sha256s, True))
 
 
@@ -56,12 +56,12 @@ def binary_of(fmu: Fmu) -> Path:
 
 
 _OPENED: dict[str, list[int]] = {}
-"""Handles by the library's path, of those that are to be unloaded."""
+"""Handles by path, of the libraries to be unloaded."""
 
 
 def load(library: str) -> None:
-    """Load a library without Python's global lock, which ctypes would hold meanwhile."""
-    if not watch().direct or sys.platform == "win32":  # on Windows it does not hold it
+    """Load a library without Python's global lock, which ctypes would hold during the loading."""
+    if not watch().direct or sys.platform == "win32":  # on Windows ctypes does not hold it
         return
     here = os.getcwd()
     os.chdir(os.path.dirname(library))
@@ -81,7 +81,7 @@ def _system(name: str, result: Any, *arguments: Any) -> Any:
 
 
 def unload(library: str, handles: Iterable[int]) -> None:
-    """Unload a library: what `load` has opened, and what others have."""
+    """Unload a library, whether `load` or another function opened it."""
     for handle in (*_OPENED.pop(library, ()), *handles):
         if sys.platform == "win32":
             freeLibrary(handle)

@@ -1,11 +1,11 @@
-"""What FMUs log, as lines for people: the same for every host, with the standard library only.
+"""Logs of FMUs as lines for people: the same for every host, with only the standard library.
 
-In FMI 2 a message is a format of C's ``printf``. Its values follow it, and it names variables by
-their references, as in ``#r12# must be below %g`` (FMI 2.0.5, 2.1.5). ctypes hands on no values
-after the message, so the logger here is declared with all registers and places on the stack where a
-C compiler may have put them. Formats that do not fit their values are frequent in the FMUs of
-others (``100% sure``): what cannot be formatted stays as it was written, and addresses that cannot
-be read are not followed.
+In FMI 2 a message is a format of C's ``printf``, followed by its values. It names variables by
+their references, as in ``#r12# must be below %g`` (FMI 2.0.5, 2.1.5). ctypes does not pass on
+values after the message, so this logger is declared with all registers and stack slots where a C
+compiler may have put them. FMUs from other tools often log formats that do not fit their values
+(``100% sure``): what cannot be formatted stays as written, and addresses that cannot be read are
+not followed.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from ..platforms import this_platform
 from .signatures import LOGGERS, WARNING
 
 Take = Callable[[int | None, bytes, int, bytes], None]
-"""Takes the environment, the instance's name, the status and the message, formatted."""
+"""Receives the environment, the instance's name, the status and the formatted message."""
 NameOf = Callable[[str, int], str | None]
-"""The variable of a type of FMI 2, such as ``Real``, that has a value reference."""
+"""The variable of an FMI 2 type, such as ``Real``, with a value reference."""
 
 LONGEST = 500
-"""Characters that are kept of a message."""
+"""Number of characters kept of a message."""
 _MOST = 4096
-"""Bytes that are read of a message and of a text in it."""
+"""Number of bytes read from a message and from a text in it."""
 _WIDEST = 200
-"""Characters that a number may be asked to have."""
+"""Maximum width of a number."""
 _STACK = 24
-"""Places on the stack that are looked at."""
+"""Number of stack slots that are examined."""
 
 
 class _Registers(NamedTuple):
@@ -43,9 +43,10 @@ class _Registers(NamedTuple):
     Attributes
     ----------
     unused
-        That hold no values, as these are all on the stack.
+        Number of registers without values, because these are all on the stack.
     whole, real
-        That hold the first whole numbers and addresses, and the first real numbers.
+        Number of registers with the first whole numbers and addresses, and with the first real
+        numbers.
     """
 
     unused: int
@@ -60,7 +61,7 @@ _REGISTERS = {
     "aarch64-linux": _Registers(0, 3, 8),
     "aarch64-darwin": _Registers(3, 0, 0),
 }
-"""By the calling conventions of the platforms: where a variadic function finds its arguments."""
+"""Where a variadic function finds its arguments, by the calling conventions of the platforms."""
 
 _CONVERSION = re.compile(
     rb"%(?P<flags>[-+ #0']*)(?P<width>\*|\d{0,9})(?:\.(?P<precision>\*|-?\d{0,9}))?"
@@ -70,23 +71,23 @@ _REFERENCE = re.compile(r"##|#([ribs])(\d{1,10})#")
 _TYPES = {"r": "Real", "i": "Integer", "b": "Boolean", "s": "String"}
 _LONG = 8 * ctypes.sizeof(ctypes.c_long)
 _BITS = {b"hh": 8, b"h": 16, b"": 32, b"I32": 32, b"l": _LONG}
-"""Of whole numbers by the length in the format; of all other lengths 64."""
+"""Bits of whole numbers by the length in the format; 64 for all other lengths."""
 
 
 class Values:
-    """The values that follow a message, each taken once.
+    """The values that follow a message, each read once.
 
     Raises
     ------
     IndexError
-        There are no more places to look at.
+        There are no more slots to read.
     """
 
     def __init__(self, whole: list[int], real: list[float], stack: list[int]) -> None:
         self._whole, self._real, self._stack = iter(whole), iter(real), iter(stack)
 
     def whole(self) -> int:
-        """The next whole number or address, of 64 bits without a sign."""
+        """The next whole number or address, 64 bits unsigned."""
         value = next(self._whole, None)
         return self._next() if value is None else value
 
@@ -105,7 +106,7 @@ class Values:
 
 
 def logger2(take: Take) -> Any:
-    """A logger of FMI 2, to be kept as long as an FMU may call it; only trouble comes through."""
+    """A logger of FMI 2, to be kept as long as an FMU may call it; it reports only problems."""
     registers = _REGISTERS.get(this_platform())
     unused, whole, real = registers or (0, 0, 0)
     stack = _STACK if registers else 0
@@ -126,7 +127,7 @@ def logger2(take: Take) -> Any:
 
 
 def logger3(take: Take) -> Any:
-    """The same of FMI 3, where a message is a text."""
+    """The same for FMI 3, where a message is plain text."""
 
     def log(
         environment: int | None, status: int, category: int | None, message: int | None
@@ -138,19 +139,19 @@ def logger3(take: Take) -> Any:
 
 
 def _unread(kind: Any) -> Any:
-    """A type of argument; of texts their addresses, which we read ourselves."""
+    """Type of an argument; for texts their address, because we read them ourselves."""
     return ctypes.c_void_p if kind is ctypes.c_char_p else kind
 
 
 def line(message: bytes, name_of: NameOf | None = None, most: int = LONGEST) -> str:
-    """A message on one line in which everything prints.
+    """A message on one line with only printable characters.
 
     Parameters
     ----------
     name_of
-        Of FMI 2, where messages name variables by their references.
+        For FMI 2, where messages name variables by their references.
     most
-        Characters that are kept of it.
+        Number of characters to keep.
     """
     text = message.decode(errors="replace")
     if name_of is not None:
@@ -166,7 +167,7 @@ def _named(match: re.Match[str], name_of: NameOf) -> str:
 
 
 def text_at(address: int | None, most: int = _MOST) -> bytes:
-    """A text of C, or its first bytes; nothing at addresses that cannot be read."""
+    """A C text, or its first bytes; empty for addresses that cannot be read."""
     return _read(address, most) or b""
 
 
@@ -175,7 +176,7 @@ def _read(address: int | None, most: int) -> bytes | None:
         return None
     try:
         memory = os.open("/proc/self/mem", os.O_RDONLY)
-    except OSError:  # not Linux: whoever passes a wrong address crashes us
+    except OSError:  # not Linux: a wrong address crashes us
         return ctypes.string_at(address)[:most]
     text = b""
     try:
@@ -186,7 +187,7 @@ def _read(address: int | None, most: int) -> bytes | None:
             text += before
             if end or not piece:
                 break
-    except (OSError, OverflowError):  # what was read so far is no text either
+    except (OSError, OverflowError):  # whatever was read so far is no text either
         return None
     finally:
         os.close(memory)
@@ -199,7 +200,7 @@ def formatted(message: bytes, values: Values | None) -> bytes:
     Parameters
     ----------
     values
-        None: they are not known, and stay as they are written.
+        None: the values are unknown; their formats stay as written.
     """
     text, end = b"", 0
     for match in _CONVERSION.finditer(message):
@@ -223,7 +224,7 @@ def formatted(message: bytes, values: Values | None) -> bytes:
 
 
 def _is_prose(match: re.Match[bytes], following: bytes) -> bool:
-    """Whether it is no conversion but a per cent sign before a word: ``100% sure``, ``5% of``."""
+    """Whether it is a per cent sign before a word, not a conversion: ``100% sure``, ``5% of``."""
     if match["kind"] in (b"c", b"s", b"p", b"n"):
         return re.search(rb"[ +#']", match["flags"]) is not None
     alone = match["flags"] == b" " and not match["width"] and match["precision"] is None
@@ -231,7 +232,7 @@ def _is_prose(match: re.Match[bytes], following: bytes) -> bool:
 
 
 def _converted(match: re.Match[bytes], values: Values) -> bytes | None:
-    """A value as the conversion says; None if nothing can be said of it."""
+    """A value formatted by the conversion; None if that is impossible."""
     kind, length = match["kind"].decode(), match["length"] or b""
     flags = match["flags"].replace(b"'", b"").decode()
     width = _size(match["width"] or b"0", values)
@@ -261,7 +262,7 @@ def _converted(match: re.Match[bytes], values: Values) -> bytes | None:
 
 
 def _size(text: bytes, values: Values) -> int:
-    """A width or precision, which may be among the values."""
+    """A width or precision, which may be one of the values."""
     return ctypes.c_int32(values.whole()).value if text == b"*" else int(text)
 
 
@@ -276,7 +277,7 @@ def _number(asked: str, kind: str, precision: int, value: float) -> bytes:
     if kind in "aA":
         text = value.hex() if isinstance(value, float) else ""
         return (f"{asked}s" % (text.upper() if kind == "A" else text)).encode()
-    if kind in "uoxX":  # has no sign, and 0 no prefix
+    if kind in "uoxX":  # unsigned; 0 has no prefix
         asked = re.sub(r"[+ ]" if value else r"[+ #]", "", asked)
     if precision >= 0:
         asked += f".{min(precision, _WIDEST)}"

@@ -1,4 +1,4 @@
-"""What FMUs log: from the callbacks of their instances to whoever takes it."""
+"""Logs of FMUs: from the callbacks of their instances to the receiver of messages."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from fmpy import fmi2
 from .log_lines import logger2
 
 Note = Callable[[int, bytes], None]
-"""Takes a status and a message, in FMI 2 with the values of its format."""
+"""Receives a status and a message, in FMI 2 with the values of its format."""
 
 _KEYS = count(1)
 _NOTES: dict[int | bytes, Note] = {}
-"""By the key of an instance and by its name: some FMUs do not hand on the key."""
+"""By the key of an instance and by its name, because some FMUs do not pass on the key."""
 
 
 def callbacks(note: Note, name: str) -> Any:
-    """The callbacks of FMI 2 for an instance whose messages somebody takes."""
+    """The FMI 2 callbacks of an instance whose messages are collected."""
     key = next(_KEYS)
     _NOTES[key] = _NOTES[name.encode()] = note
     result = fmi2.fmi2CallbackFunctions()
@@ -33,7 +33,7 @@ def callbacks(note: Note, name: str) -> Any:
 
 
 def logger3(note: Note) -> Callable[[int, int, bytes, bytes], None]:
-    """The logger of FMI 3 for an instance whose messages somebody takes."""
+    """The FMI 3 logger of an instance whose messages are collected."""
     return partial(_log3, note)
 
 

@@ -10,26 +10,26 @@ SECOND = 1_000_000_000
 """Nanoseconds per second. Time is counted in whole nanoseconds everywhere in the orchestrator."""
 
 ROUNDING = 4
-"""Units in the last place by which arithmetic may make a time miss its nanosecond."""
+"""Units in the last place by which arithmetic may miss a nanosecond."""
 
 MAX_SECONDS = 4e9
-"""All times are before that [s]; the same limit is in the C engine of our FMUs (engine.h)."""
+"""Upper limit of all times [s]; the C engine of our FMUs has the same limit (engine.h)."""
 
 
 @lru_cache(1024)
 def nanoseconds(seconds: float) -> int:
-    """The whole nanoseconds that are nearest to a time in s, as it is written in decimals."""
+    """The whole nanoseconds nearest to a time in s, given as a decimal number."""
     return round(Decimal(repr(float(seconds))) * SECOND)
 
 
 def is_whole_ns(seconds: float) -> bool:
-    """Whether a time is a whole number of nanoseconds, but for what rounding may do to it."""
+    """Whether a time is a whole number of nanoseconds, apart from rounding errors."""
     nearest = nanoseconds(seconds) / SECOND
     return abs(seconds - nearest) <= ROUNDING * math.ulp(seconds)
 
 
 def settled(seconds: float) -> float:
-    """A time without its rounding errors: ``0.21 / 5`` is 0.042 s; others stay as they are."""
+    """A time without its rounding errors: ``0.21 / 5`` is 0.042 s. Others stay unchanged."""
     return nanoseconds(seconds) / SECOND if is_whole_ns(seconds) else seconds
 
 

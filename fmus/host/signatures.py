@@ -1,6 +1,6 @@
-"""The functions of FMI 2 and FMI 3 as ctypes calls them: one table for every host.
+"""The functions of FMI 2 and FMI 3 as called by ctypes: one table for every host.
 
-It needs the standard library only, because each conformance check is a process of its own, which
+It needs only the standard library, because each conformance check is a process of its own, which
 must start quickly. `tests/unit/fmus/test_signatures.py` compares it with the standard's headers.
 """
 
@@ -28,7 +28,8 @@ C_TYPES: Mapping[int, Mapping[str, Any]] = {
         "Boolean": _B, "String": _S,
     },
 }  # fmt: skip
-"""C types of the variables' values, by version and kind: the end of the functions' names."""
+"""C types of the variables' values, by version and kind, which is the end of the functions'
+names."""
 
 
 class Signature(NamedTuple):
@@ -56,7 +57,7 @@ _STATE = _signatures({
 
 
 def state_function(fmi: int, name: str) -> str:
-    """A version's spelling of a function that handles states, from that of FMI 3."""
+    """The name of a function that handles states in a version, from its name in FMI 3."""
     if fmi == 3:
         return name
     return name.replace("FMUState", "FMUstate").replace("Deserialize", "DeSerialize")
@@ -115,19 +116,19 @@ LOGGERS: Mapping[int, tuple[Any, ...]] = {2: (_P, _S, _I, _S, _S), 3: (_P, _I, _
 
 
 def accessor(fmi: int, verb: str, kind: str) -> str:
-    """The function, without its prefix, that gets or sets a type of FMI 3, e.g. ``GetReal``."""
+    """The function, without prefix, that gets or sets a type of FMI 3, for example ``GetReal``."""
     return f"{verb}{FMI2_TYPES[kind] if fmi == 2 else kind}"
 
 
 def exported(library: Any, fmi: int, name: str) -> Any:
-    """A function of a loaded library, named without its prefix, with its types.
+    """A function of a loaded library, by its name without prefix, with its types.
 
     Raises
     ------
     AttributeError
         The library does not export it.
     """
-    function = library[f"fmi{fmi}{name}"]  # a new object, whatever FMPy has done to its own
+    function = library[f"fmi{fmi}{name}"]  # a new object, unaffected by what FMPy does to its own
     function.argtypes, function.restype = SIGNATURES[fmi][name]
     return function
 

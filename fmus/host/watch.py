@@ -1,8 +1,7 @@
-"""Who is told what a run is doing: nobody, or in a process of its own, the process that waits.
+"""Observer of a run: nobody or, in a process of its own, the parent process that waits.
 
-Masters and instances announce each call of a component through `watch`, and take from it the memory
-of the record. In this process nothing happens there; `sblcosim.simulation.child` puts its own
-instead.
+Masters and instances announce each call of a component to `watch`, and take the memory of the
+record from it. In this process it does nothing. `sblcosim.simulation.child` installs its own.
 """
 
 from __future__ import annotations
@@ -22,43 +21,43 @@ _R = TypeVar("_R")
 
 
 class Progress(ctypes.Structure):
-    """``struct progress`` of c/native.c: instant and call under way, and the wish to end."""
+    """``struct progress`` of c/native.c: current instant and call, and the request to end."""
 
     _fields_ = (("row", ctypes.c_int64), ("at", ctypes.c_int64), ("cancel", ctypes.c_int64))
 
 
 class Watch:
-    """Nobody."""
+    """No observer."""
 
     direct = False
-    """Whether a loop is to run in the thread that has called it: somebody else can end it."""
+    """Whether a loop runs in the calling thread, because somebody else can end it."""
 
     def calling(self, component: str, function: str) -> AbstractContextManager[None]:
-        """Around a call outside of the loop."""
+        """Context of a call outside the loop."""
         return nullcontext()
 
     def said(self, component: str, text: str) -> None:
-        """What an FMU has logged."""
+        """Receives what an FMU has logged."""
 
     def watches(self, component: str) -> bool:
-        """Whether the habits of a component are watched."""
+        """Whether the behaviour of a component is watched."""
         return False
 
     def habit(self, component: str, function: str, habits: int) -> None:
-        """A call has left something changed that all share."""
+        """A call has changed something that all share."""
 
     def progress(self) -> Progress:
-        """Where a loop notes what it does."""
+        """Where a loop notes its progress."""
         return Progress()
 
     def bound(
         self, component: str, function: str, call: Callable[_P, _R]
     ) -> Callable[_P, _R]:
-        """A call of the loop, announced each time."""
+        """Context of a call of the loop, announced each time."""
         return call
 
     def array(self, shape: Sequence[int], dtype: Any) -> NDArray[Any]:
-        """Memory for the record, not set to anything."""
+        """Memory for the record, uninitialised."""
         return np.empty(shape, dtype)
 
     def begin(self, record: Any, labels: Sequence[tuple[str, str]]) -> None:
@@ -73,11 +72,11 @@ _watch = Watch()
 
 
 def watch() -> Watch:
-    """The one who is told."""
+    """The current observer."""
     return _watch
 
 
 def install(other: Watch) -> None:
-    """Tell somebody else from now on."""
+    """Use another observer from now on."""
     global _watch
     _watch = other

@@ -1,1 +1,1 @@
-"""Reading FMUs: their archives, their descriptions, what they say they are. Nothing is run."""
+"""Reading FMUs: their archives, descriptions and interfaces. Nothing is run."""

@@ -1,7 +1,7 @@
-"""The archive that an FMU is; no other module opens one.
+"""The archive of an FMU; no other module opens one.
 
-Whoever wrote the file, reading it costs a bounded amount of memory, disk and time: the bounds below
-are checked before anything is allocated or unpacked. They are far above any FMU that we know.
+Reading any file, whoever wrote it, takes a bounded amount of memory, disk and time: the bounds
+below are checked before anything is allocated or unpacked. They are far above any FMU that we know.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from ..errors import FmuError, one_line
 from ..files import KINDS
 
 MAX_FILE = 1 << 30
-"""Bytes of an FMU file."""
+"""Maximum size of an FMU file in bytes."""
 MAX_ENTRIES = 20_000
-"""Files and folders in an FMU."""
+"""Maximum number of files and folders in an FMU."""
 MAX_UNPACKED = 1 << 30
-"""Bytes of all files of an FMU together, unpacked."""
+"""Maximum size of all files of an FMU together, unpacked, in bytes."""
 MAX_DEPTH = 100
-"""Folders in one another."""
+"""Maximum depth of folders."""
 MAX_XML = 32 << 20
-"""Bytes of one of the standard's XML files, such as modelDescription.xml."""
+"""Maximum size of one of the standard's XML files, such as modelDescription.xml, in bytes."""
 
 _MAX_READ = 16 << 20
-"""Bytes that are read in one piece. Only an archive's directory can ask for more."""
+"""Bytes read at once. Only an archive's directory can ask for more."""
 _PIECE = 1 << 20
 
 _KINDS = {stat.S_IFDIR: "a folder", **KINDS}
@@ -42,11 +42,11 @@ _BROKEN = (
     zipfile.BadZipFile, zlib.error, struct.error, EOFError, OSError, OverflowError, RuntimeError,
     ValueError,
 )  # fmt: skip
-"""What reading a damaged archive may raise."""
+"""Exceptions that reading a damaged archive may raise."""
 
 
 class _Bounded(io.FileIO):
-    """A file that gives no more at once than any intact FMU asks for."""
+    """A file that never returns more at once than any intact FMU asks for."""
 
     def read(self, size: int | None = -1, /) -> bytes:
         if size is not None and size > _MAX_READ:
@@ -61,9 +61,9 @@ class Archive:
     Attributes
     ----------
     sha256
-        Of the file.
+        SHA-256 of the file.
     names
-        Of everything in it.
+        Names of everything in it.
     """
 
     path: Path
@@ -85,7 +85,7 @@ class Archive:
         return b"".join(self._pieces(name))
 
     def facts(self) -> dict[str, tuple[int, int]]:
-        """Sizes and checksums (CRC-32) of all files, by their names, as the directory says."""
+        """Sizes and checksums (CRC-32) of all files by name, from the archive's directory."""
         files = (entry for entry in self._zip.infolist() if not entry.is_dir())
         return {entry.filename: (entry.file_size, entry.CRC) for entry in files}
 
@@ -137,13 +137,13 @@ def opened(path: Path, what: str = "an FMU") -> Iterator[Archive]:
     Parameters
     ----------
     what
-        What it must be, for messages, if it is another archive of the same kind.
+        Kind of archive for messages, if it is another archive of the same format.
 
     Raises
     ------
     FmuError
-        There is no such file, it is no ZIP archive, it is damaged, larger than the bounds allow,
-        encrypted, packed in another way than the standard allows, or has links or names that
+        There is no such file, it is not a ZIP archive, it is damaged, larger than the bounds,
+        encrypted, packed in a way that the standard does not allow, or holds links or names that
         lead out of its folder. Only what `Archive.read` and `Archive.unpack` read is known to be
         intact.
     """
@@ -183,7 +183,7 @@ def _check_file(path: Path, what: str) -> None:
 
 def _hash(file: io.FileIO) -> str:
     digest = hashlib.sha256()
-    left = MAX_FILE  # what the system says of a file's size is not always true
+    left = MAX_FILE  # the file size reported by the system is not always right
     while left > 0 and (piece := file.read(_PIECE)):
         digest.update(piece)
         left -= len(piece)
@@ -192,7 +192,7 @@ def _hash(file: io.FileIO) -> str:
 
 
 def _check_entries(path: Path, entries: Sequence[zipfile.ZipInfo]) -> None:
-    """Refuse what the standard forbids (FMI 2.0.5, 2.3; FMI 3.0.2, 2.5) or a bound does."""
+    """Refuse whatever the standard (FMI 2.0.5, 2.3; FMI 3.0.2, 2.5) or a bound forbids."""
     if len(entries) > MAX_ENTRIES:
         raise FmuError(f"{path}: must hold at most {MAX_ENTRIES:,} files, got {len(entries):,}")
     unpacked = sum(entry.file_size for entry in entries)
@@ -221,7 +221,7 @@ def _check_entries(path: Path, entries: Sequence[zipfile.ZipInfo]) -> None:
 
 
 def _is_inside(name: str) -> bool:
-    """Whether a name stays inside the folder that it is unpacked to, on every system."""
+    """Whether a name stays inside the folder it is unpacked to, on every system."""
     return not re.search(r"^/|[\\:\0]|(^|/)\.\.(/|$)", name) and name.strip("/.") != ""
 
 
@@ -235,6 +235,6 @@ def _intact(path: Path) -> Iterator[None]:
 
 
 def shown(text: str, most: int = 80) -> str:
-    """A text out of an archive, so that it does no harm in a message."""
+    """A text from an archive, made harmless for a message."""
     safe = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
     return safe if len(safe) <= most else f"{safe[:most]}…"

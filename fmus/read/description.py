@@ -1,6 +1,6 @@
 """The XML files of an FMU, read within bounds and by FMPy.
 
-What is read here is known to be sound as far as this package uses it: references, bounds, start
+The parts that this package uses are known to be sound after reading: references, bounds, start
 values and sizes are numbers of their types.
 """
 
@@ -28,13 +28,13 @@ DESCRIPTION = "modelDescription.xml"
 """Name of the description in an FMU."""
 
 MAX_ITEMS = 2_000_000
-"""Elements, attributes and entries of lists in an XML file: what it costs to read one."""
+"""Maximum number of elements, attributes and list entries in an XML file: its cost of reading."""
 MAX_DEPTH = 100
-"""Elements within elements of an XML file."""
+"""Maximum nesting of elements in an XML file."""
 MAX_VARIABLES = 100_000
-"""Variables of an FMU."""
+"""Maximum number of variables of an FMU."""
 MAX_ELEMENTS = 1_000_000
-"""Elements of all arrays of an FMU together, and the largest index of an element."""
+"""Maximum number of elements of all arrays of an FMU together, and largest index of an element."""
 
 INTEGERS = {
     **{f"{sign}Int{bits}": (low, high) for bits in (8, 16, 32, 64) for sign, low, high in (
@@ -42,12 +42,12 @@ INTEGERS = {
     "Integer": (-(2**31), 2**31 - 1),
     "Enumeration": (-(2**63), 2**63 - 1),
 }  # fmt: skip
-"""Smallest and largest value of the types of both versions of FMI that are whole numbers."""
+"""Smallest and largest values of the whole-number types of both versions of FMI."""
 _REAL = ("Real", "Float64", "Float32")
 _LISTS = ("start", "dependencies", "dependenciesKind", "clocks")
 _REFERENCE = 2**32
 INDEXED = re.compile(r"(?P<base>.+)\[(?P<indices>\d+(\s*,\s*\d+)*)\]")
-"""The name of an element of an array that FMI 2 has as scalars, ``x[1,2]``."""
+"""Name of an element of an array that FMI 2 has as scalars, ``x[1,2]``."""
 
 
 class DescriptionError(FmuError):
@@ -60,9 +60,9 @@ def describe(archive: Archive) -> ModelDescription:
     Raises
     ------
     DescriptionError
-        It is not there, larger than the bounds, or not sound.
+        It is missing, larger than the bounds, or not sound.
     FmuError
-        It is of another version of FMI, or the archive is damaged.
+        It belongs to another version of FMI, or the archive is damaged.
     """
     path = archive.path
     if DESCRIPTION not in archive.names:
@@ -79,11 +79,11 @@ def describe(archive: Archive) -> ModelDescription:
         description = _by_fmpy(xml)
         for problem in _problems(description):
             raise ValueError(problem)
-    except UnicodeEncodeError as error:  # lxml asks where it is
+    except UnicodeEncodeError as error:  # lxml asks for the working directory
         raise FmuError(
             f"working directory: must have a name in UTF-8, got {os.getcwd()!a}"
         ) from error
-    except Exception as error:  # FMPy and lxml raise all sorts, Exception itself included
+    except Exception as error:  # FMPy and lxml raise many types, including Exception itself
         reason = one_line(error)
         raise DescriptionError(
             f"{path}: {DESCRIPTION} must be valid, got: {shown(reason, 200)}"
@@ -114,7 +114,7 @@ def parsed(archive: Archive, name: str) -> ET.Element:
     try:
         _check_xml(xml)
         return ET.fromstring(xml)
-    except ET.ParseError as error:  # of its namespaces
+    except ET.ParseError as error:  # from its namespaces
         raise FmuError(
             f"{archive.path}: {shown(name)} must be well-formed XML, got {shown(str(error))}"
         ) from error
@@ -123,13 +123,12 @@ def parsed(archive: Archive, name: str) -> ET.Element:
 
 
 def _check_xml(xml: bytes) -> str:
-    """Read XML without keeping anything, and return the ``fmiVersion`` of its root.
+    """Read XML without keeping it, and return the ``fmiVersion`` of its root.
 
     Raises
     ------
     ValueError
-        Says what it should be: well-formed, without a DTD (which can make much of little), or
-        smaller.
+        States what it should be: well-formed, without a DTD (which can expand hugely), or smaller.
     """
     depth = items = variables = 0
     version: str | None = None
@@ -170,7 +169,7 @@ def _check_xml(xml: bytes) -> str:
 
 
 def _by_fmpy(xml: bytes) -> ModelDescription:
-    """What FMPy makes of a description, from an archive in which there is nothing else to read."""
+    """FMPy's reading of a description, from an archive with nothing else in it."""
     alone = io.BytesIO()
     with zipfile.ZipFile(alone, "w") as archive:
         archive.writestr(DESCRIPTION, xml)
@@ -178,7 +177,7 @@ def _by_fmpy(xml: bytes) -> ModelDescription:
 
 
 def _problems(description: ModelDescription) -> Iterator[str]:
-    """What this package cannot work with; FMPy keeps most values as the texts that they are."""
+    """Problems that this package cannot handle; FMPy keeps most values as text."""
     variables = description.modelVariables
     if len(variables) > MAX_VARIABLES:
         yield f"{len(variables):,} variables, more than {MAX_VARIABLES:,}"
@@ -249,16 +248,16 @@ def _is(read: Callable[[str], Any], text: str) -> bool:
 
 
 def split(name: str) -> tuple[str, tuple[int, ...]]:
-    """``x[1,2]`` is ``("x", (1, 2))``; a name without indices has none."""
+    """``x[1,2]`` becomes ``("x", (1, 2))``; a name without indices has none."""
     match = INDEXED.fullmatch(name)
-    # Digits beyond any index that can be are part of the name, however many there are.
+    # Digits beyond any possible index are part of the name, however many there are.
     if match is None or any(len(i) > 9 for i in re.findall(r"\d+", match["indices"])):
         return name, ()
     return match["base"], tuple(int(index) for index in match["indices"].split(","))
 
 
 def interfaces(description: ModelDescription) -> list[str]:
-    """What kinds of FMU it is, in the words of the standard."""
+    """Kinds of the FMU, in the words of the standard."""
     kinds = {
         "Co-Simulation": description.coSimulation,
         "Model Exchange": description.modelExchange,
@@ -273,7 +272,7 @@ def check_interface(archive: Archive, description: ModelDescription) -> None:
     Raises
     ------
     FmuError
-        Says what it is for.
+        States the kinds of the FMU.
     """
     if description.coSimulation is None:
         raise FmuError(
@@ -288,7 +287,7 @@ def library_of(archive: Archive, description: ModelDescription) -> str:
     Raises
     ------
     FmuError
-        There is none; it says what there is instead, a library of another name among it.
+        There is none; the message names what exists instead, including libraries with other names.
     """
     name = library_in(
         archive.names, description.fmiMajorVersion, description.coSimulation.modelIdentifier,
@@ -297,13 +296,13 @@ def library_of(archive: Archive, description: ModelDescription) -> str:
     machine = machine_of(archive.start(name, 20))
     here = this_platform()
     if machine not in (None, here.partition("-")[0]):
-        # Said here, as the loader of Linux only says that there is no such file.
+        # Checked here, because the loader of Linux only says that there is no such file.
         raise FmuError(f"{archive.path}: must have a binary for {here}, got {name} for {machine}")
     return name
 
 
 def library_in(names: Iterable[str], fmi: int, identifier: str, fmu: str) -> str:
-    """`library_of`, from the names of files alone."""
+    """`library_of`, from the names of the files alone."""
     here = this_platform()
     allowed = folders(here, 2 if fmi == 2 else 3)
     paths = [PurePosixPath(name) for name in names if name[-1] != "/"]

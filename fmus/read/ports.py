@@ -1,4 +1,4 @@
-"""An FMU's variables as ports: one view of FMI 2.0 and FMI 3.0."""
+"""An FMU's variables as ports: one view for FMI 2.0 and FMI 3.0."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ NUMBERS = (
     "Float64", "Float32", "Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64",
     "Boolean",
 )  # fmt: skip
-"""The types of FMI that can be connected, set and recorded."""
+"""FMI types that can be connected, set and recorded."""
 
 _FMI2_TYPES = {
     "Real": "Float64",
@@ -40,14 +40,14 @@ class Port:
     Attributes
     ----------
     name
-        As in the FMU, unless one of its terminals says that it is a port of another name.
+        Name in the FMU, unless one of its terminals maps the variable to a port with another name.
     causality, unit
-        As in the FMU; a unit of ``"1"`` is none.
+        As in the FMU; the unit ``"1"`` counts as none.
     type
-        A type of FMI 3, in FMI 2 the one that corresponds.
+        A type of FMI 3; in FMI 2 the corresponding one.
     shape
-        ``()`` for a scalar. In FMI 2, and in FMI 3 where variables are so named, scalars
-        ``name[i]`` or ``name[i,j]`` that make up a complete array are one port.
+        ``()`` for a scalar. Scalars ``name[i]`` or ``name[i,j]`` that form a complete array are one
+        port, in FMI 2 and also in FMI 3.
     start, min, max
         Per element, row by row; ``start`` is None if the FMU gives none.
     references
@@ -80,9 +80,9 @@ class Fmu:
     Attributes
     ----------
     sha256
-        Of the file; equal contents are one FMU wherever they lie.
+        SHA-256 of the file; files with equal contents are the same FMU.
     known_as
-        What runs know it by, as `sblcosim.fmus.known_as` says; of others, the same.
+        Its identity in runs; see `sblcosim.fmus.known_as`. For other FMUs, the SHA-256.
     fmi
         2 or 3.
     identifier, token
@@ -106,7 +106,7 @@ class Fmu:
 
 
 def read(path: Path) -> Fmu:
-    """Look at an FMU file.
+    """Read the interface of an FMU file.
 
     Raises
     ------
@@ -169,10 +169,10 @@ def ports_of(variables: Iterable[Variable]) -> dict[str, Port]:
 
 
 def _ports(description: ModelDescription, named: Mapping[str, str]) -> dict[str, Port]:
-    """All variables, scalars ``name[i,j]`` gathered to arrays.
+    """All variables, with scalars ``name[i,j]`` gathered into arrays.
 
-    ``named`` has the names of ports for variables that have another name. A variable that has such
-    a name without being the port cannot be reached.
+    ``named`` maps names of variables to other names of ports. A variable that has such a port's
+    name without being the port cannot be reached.
     """
     shadowed = set(named.values()) - named.keys()
     single = [
@@ -234,12 +234,12 @@ def _number(text: str, kind: str) -> Number:
 
 
 def _array(base: str, members: Sequence[Port]) -> Port | None:
-    """The array that scalars ``base[i,j]`` make up; None if they do not."""
+    """The array formed by scalars ``base[i,j]``; None if they do not form one."""
     indices = [split(port.name)[1] for port in members]
     alike = {(port.causality, port.type, port.unit) for port in members}
     if not all(indices) or len({len(i) for i in indices}) > 1 or len(alike) > 1:
         return None
-    if any(port.shape for port in members):  # arrays of FMI 3 with such names
+    if any(port.shape for port in members):  # FMI 3 arrays with such names
         return None
     if min(map(min, indices)) < 1:
         return None

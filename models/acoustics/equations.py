@@ -17,7 +17,7 @@ from .schedules import SCHEDULES
 from .variables import COMPONENT
 
 _UNIFORMS = 2.0**53
-"""Number of values of a uniform draw."""
+"""Number of values that a uniform draw can take."""
 
 
 def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
@@ -68,12 +68,12 @@ _DRAWS = (
     *FOUND["noise"].draws,
     *(draw for name, it in FOUND.items() if name not in ("outliers", "noise") for draw in it.draws),
 )
-"""Draws of the clock, the loss and the errors. New ones come last, so that the others keep their
-numbers."""
+"""Draws of the clock, the loss and the errors. New draws come last, so that existing draws keep
+their numbers."""
 _OTHERS = "others"
-"""The loop over the beacons that ping at once with the first one."""
+"""The loop over the beacons that ping together with the first one."""
 _PACKET = "packet"
-"""The loop that writes what packets say."""
+"""The loop that writes the contents of packets."""
 _DRAWS_OF_OTHERS = tuple(
     replace(draw, occasion=_OTHERS) for draw in _DRAWS if draw.occasion == "tick"
 )
@@ -101,18 +101,18 @@ def _counted_round(p: Symbols, place: Any) -> Any:
 
 
 def _says(p: Symbols, what: Callable[[Content], bool]) -> Any:
-    """1 where the content of a packet is such a one, else 0."""
+    """1 if the packet's content meets the condition, else 0."""
     return sum(p.packet_content == it.number for it in CONTENTS.values() if what(it))
 
 
 def _other(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
-    """The next beacon pings at the same time."""
+    """Let the next beacon ping at the same time."""
     turn = ca.if_else(x.turn + 1 < p.beacons, x.turn + 1, 0)
     return {**_ping(p, x, u, w, t, turn), "turn": turn, "waiting": x.waiting - 1}
 
 
 def _ping(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, turn: Any) -> Values:
-    """The packet of the beacon whose turn it is."""
+    """The packet of the beacon that pings now."""
     is_turn = [turn == x.slot[i] for i in range(p.beacons)]
     beacon = sum(
         ca.if_else(is_turn[i], u.beacon_position[i, :].T, 0) for i in range(p.beacons)
@@ -129,7 +129,7 @@ def _ping(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, turn: Any) -> 
     received = w.loss >= p.loss_probability * _UNIFORMS
 
     def latch(new: Any, old: Any) -> Any:
-        """Replace the row of the pinging beacon, if its packet was received."""
+        """Replace the row of the pinging beacon if its packet was received."""
         return ca.vertcat(*(
             ca.if_else(received * is_turn[i], new[i, :] if new.shape == old.shape else new,
                        old[i, :])
@@ -156,15 +156,15 @@ def _is_rounded(p: Symbols) -> Any:
 
 
 def _rounded(value: Any, resolution: Any) -> Any:
-    """The nearest multiple of a resolution; 0: the value as it is."""
+    """The nearest multiple of a resolution; a resolution of 0 leaves the value unchanged."""
     step = ca.if_else(resolution > 0, resolution, 1)
     return ca.if_else(resolution > 0, ca.floor(value * (1 / step) + 0.5) * step, value)
 
 
 def _written(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
-    """The packets received just now say what they have bits for.
+    """Round the contents of the packets received just now to the bits they have.
 
-    A loop of its own, so that packets that say everything exactly cost nothing.
+    This is a separate loop, so that packets with full and exact contents cost nothing.
     """
     new = [x.range_epoch[i] == t for i in range(p.beacons)]
     position = _rounded(u.reported_position, p.packet_resolution)
@@ -199,7 +199,7 @@ def _written(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
 
 
 def _placed(u: Symbols, position: Any, attitude: Any) -> Any:
-    """Where a pose as it was rounded puts the beacons, (N, 3): they turn with it."""
+    """Beacon positions (N, 3) implied by a rounded pose; they rotate with it."""
     n = u.reported_beacon_position.shape[0]
     arms = u.reported_beacon_position - ca.repmat(u.reported_position.T, n, 1)
     turn = rotation(attitude) @ rotation(u.reported_attitude).T

@@ -1,4 +1,4 @@
-"""Bits of a packet: how many it takes to say something, and how exactly it can with so many."""
+"""Size of a packet: bits needed for its contents, and the resolution that a given size allows."""
 
 from __future__ import annotations
 
@@ -8,27 +8,27 @@ from math import ceil, log2
 from .contents import CONTENTS
 
 HORIZONTAL_SPAN, VERTICAL_SPAN = 81.92, 1.28
-"""Length of the intervals of the coordinates, about points that both sides know [m]."""
+"""Span of the coordinates, about points that both sides know [m]."""
 TURN, TILT_SPAN = 360.0, 32.0
-"""Length of the intervals of heading, and of roll and pitch [degrees]."""
+"""Spans of heading, and of roll and pitch [degrees]."""
 SLOT, GPS_CLASS, CHECKSUM, NUMBER = 6, 3, 8, 64
-"""Bits of the slot's counter, the class of the GPS, the checksum, and a number not rounded."""
+"""Bits of the slot counter, the GPS class, the checksum, and a number that is not rounded."""
 _RESOLUTION, _ANGLE = 0.01, 0.125
 _FINER, _COARSER = 3, 7
-"""Times that both may be halved or doubled."""
+"""How often both resolutions may be halved or doubled."""
 
 
 def fields(
     content: str, resolution: float, angle_resolution: float, beacons: int = 4
 ) -> dict[str, int]:
-    """Bits of each part of a packet.
+    """Bits of each field of a packet.
 
     Parameters
     ----------
     content
-        As the parameter ``packet_content``.
+        Value of the parameter ``packet_content``.
     resolution, angle_resolution
-        Steps of positions [m] and angles [degrees]; 0: not rounded.
+        Resolutions of positions [m] and angles [degrees]; 0: not rounded.
     beacons
         Number of beacons of the platform.
     """
@@ -49,12 +49,12 @@ def fields(
 def packet_bits(
     content: str, resolution: float, angle_resolution: float, beacons: int = 4
 ) -> int:
-    """Bits of a packet; parameters as for `fields`."""
+    """Bits of a packet; same parameters as `fields`."""
     return sum(fields(content, resolution, angle_resolution, beacons).values())
 
 
 def has_angles(content: str) -> bool:
-    """Whether such a packet has a heading, roll and pitch."""
+    """Whether packets with this content hold heading, roll and pitch."""
     return CONTENTS[content].pose
 
 
@@ -62,15 +62,15 @@ def finest(
     content: str, bits: int, beacons: int = 4,
     resolution: float | None = None, angle_resolution: float | None = None,
 ) -> tuple[float, float] | None:
-    """Steps of positions [m] and angles [degrees] that fit into so many bits; None if none do.
+    """Finest resolutions of positions [m] and angles [degrees] that fit into the bits, or None.
 
-    They are 1 cm and 0.125° or these doubled and halved, the position first; not below 1.25 mm and
-    1/64°, nor above 1.28 m and 16°.
+    Candidates are 1 cm and 0.125°, alternately doubled or halved, starting with the position. They
+    range from 1.25 mm and 1/64° to 1.28 m and 16°.
 
     Parameters
     ----------
     resolution, angle_resolution
-        One that is not to be changed.
+        A resolution that is fixed beforehand; None: chosen.
     """
     return next(
         (steps for steps in _steps(content, resolution, angle_resolution)
@@ -82,7 +82,7 @@ def least_bits(
     content: str, beacons: int = 4,
     resolution: float | None = None, angle_resolution: float | None = None,
 ) -> int:
-    """The fewest bits for which `finest` finds something; parameters as for that."""
+    """Smallest number of bits for which `finest` finds a resolution; same parameters."""
     *_, coarsest = _steps(content, resolution, angle_resolution)
     return packet_bits(content, *coarsest, beacons)
 
@@ -102,5 +102,5 @@ def _at(content: str, step: int) -> tuple[float, float]:
 
 
 def _bits(span: float, resolution: float) -> int:
-    """Bits of a multiple of a resolution within a span."""
+    """Bits needed for a multiple of a resolution within a span."""
     return max(ceil(log2(span / resolution) - 1e-9), 0) if resolution > 0 else NUMBER

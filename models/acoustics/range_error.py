@@ -1,4 +1,4 @@
-"""What an error of the ranges declares of itself; each is a module of ``range_errors``."""
+"""Declaration of a range error; each is a module of ``range_errors``."""
 
 from __future__ import annotations
 
@@ -14,26 +14,27 @@ from ..symbols import Symbols
 
 @dataclass(frozen=True)
 class RangeError:
-    """An error that is added to a range, for the component, the scenario, the budget and the bound.
+    """An error added to a range, as used by the component, the scenario, the budget and the bound.
 
     Attributes
     ----------
     number
-        Errors are added, and their draws and parameters listed, in the order of numbers.
+        Decides the order in which errors are added and their draws and parameters listed.
     words
-        What it is called in sentences: ``"the bubbles"``.
+        Its name in sentences: ``"the bubbles"``.
     parameters
-        Its own.
+        Its own parameters.
     error
         ``error(p, w)``: the error [m], from the parameters and the draws.
     draws
-        For each ping.
+        Random numbers drawn for each ping.
     random
-        When it makes a run random: of each group, one parameter is not zero.
+        Condition for the error to make a run random: in each group, at least one parameter is not
+        zero.
     sizes
-        Names of the parameters that are 0 where there is no such error; None: all.
+        Names of the parameters that are 0 if the error is absent; None: all parameters.
     modelled
-        Whether what is possible accounts for it; else "possible" names it as left out.
+        Whether the possible error accounts for it; otherwise it is named as left out.
     """
 
     number: int
@@ -47,12 +48,12 @@ class RangeError:
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """Keys of ``[acoustics]`` that are 0 where there is no such error."""
+        """Keys of ``[acoustics]`` that are 0 if the error is absent."""
         return tuple(
             v.key for v in self.parameters if self.sizes is None or v.name in self.sizes
         )
 
 
 def numbered(errors: Mapping[str, RangeError]) -> Mapping[str, RangeError]:
-    """Range errors in the order of their numbers, as `in_order` says."""
+    """Range errors in the order of their numbers; see `in_order`."""
     return in_order("range errors", errors)

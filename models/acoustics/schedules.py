@@ -1,4 +1,4 @@
-"""When beacons ping: a row for each schedule. Keys, equations, bounds and documents follow."""
+"""Ping schedules, one row each. Keys, equations, bounds and documents are derived from them."""
 
 from __future__ import annotations
 
@@ -11,19 +11,20 @@ from ..numbered import in_order
 
 @dataclass(frozen=True)
 class Schedule:
-    """Which beacons ping in a slot: some that follow each other in ``slot_order``.
+    """Which beacons ping in a slot: a run of consecutive places in ``slot_order``.
 
     Attributes
     ----------
     number
         Its value in the FMU; never reused.
     words
-        What pings in a slot, for the description of the key.
+        What pings in a slot, as text for the description of the key.
     together
-        How many beacons ping at once, of all: from 1 to all.
+        ``together(beacons)``: number of beacons that ping at once, from 1 to all of them.
     first
-        Place in the order of the first of them, counted round, by the number of the slot; both
-        start at 0. Of a number, an array or a symbol. None: the next place in each slot.
+        ``first(slot)``: place of the first of them in the order, modulo the number of beacons;
+        slots and places start at 0. The slot may be a number, an array or a symbol. None: each slot
+        continues with the next place.
     ordered
         Whether the order has an effect.
     """
@@ -35,7 +36,7 @@ class Schedule:
     ordered: bool = True
 
     def place(self, slot: Any) -> Any:
-        """The place of the first beacon of a slot, before it is counted round."""
+        """Place of the first beacon of a slot, before the modulo."""
         return slot if self.first is None else self.first(slot)
 
 
@@ -45,4 +46,4 @@ SCHEDULES: Mapping[str, Schedule] = in_order("schedules", {
 })
 SCHEDULE: Mapping[int, str] = {it.number: name for name, it in SCHEDULES.items()}
 ORDERED = tuple(name for name, it in SCHEDULES.items() if it.ordered)
-"""Names of those on which ``slot_order`` has an effect."""
+"""Names of the schedules on which ``slot_order`` has an effect."""

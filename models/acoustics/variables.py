@@ -37,7 +37,7 @@ _CLOCK = ("clock_offset_std", "clock_drift_std")
 
 
 def _random() -> Iterator[tuple[Condition, ...]]:
-    """What must hold for anything to be random, as groups of which each must hold somewhere."""
+    """Requirements for anything to be random; in each group, at least one condition must hold."""
     for first, *rest in product(*(it.random for it in FOUND.values() if it.random)):
         yield not_zero(*first, "loss_probability", *_CLOCK, *chain(*rest))
 
@@ -61,27 +61,27 @@ COMPONENT = Component(
                   type="Int32", start=_in_turn, min=1, max=BEACONS.most,
                   needs=((is_one_of("schedule", SCHEDULE, *ORDERED),),)),
         parameter("sound_speed", "True speed of sound", "m/s", start=1500.0, min=1.0, max=10000.0),
-        parameter("assumed_sound_speed", "Speed of sound with which the receiver forms ranges",
+        parameter("assumed_sound_speed", "Speed of sound that the receiver uses to form ranges",
                   "m/s", start=1500.0, min=1.0, max=10000.0),
         switch("motion_during_travel", "Whether the diver moves while the sound travels", True),
         *FOUND["noise"].parameters,
         parameter("loss_probability", "Probability that a packet is lost", start=0.0, min=0.0,
                   max=1.0),
         *FOUND["outliers"].parameters,
-        parameter("clock_offset", "Receiver's clock minus the beacons' at the start", "s"),
-        parameter("clock_offset_std", "Standard deviation of what a run adds to that difference",
+        parameter("clock_offset", "Receiver's clock minus the beacons' clock at the start", "s"),
+        parameter("clock_offset_std", "Standard deviation of the offset that each run adds to it",
                   "s", min=0.0),
-        parameter("clock_drift", "Rate of change of that difference", "s/s", min=-0.1, max=0.1),
-        parameter("clock_drift_std", "Standard deviation of what a run adds to that rate", "s/s",
+        parameter("clock_drift", "Drift of the receiver's clock", "s/s", min=-0.1, max=0.1),
+        parameter("clock_drift_std", "Standard deviation of the drift that each run adds", "s/s",
                   min=0.0),
-        parameter("clock_sync_age", "Time from the last synchronisation of the clocks to the "
-                  "start; they have drifted since", "s", min=0.0,
+        parameter("clock_sync_age", "Time between the last synchronisation of the clocks and "
+                  "the start; they drift during it", "s", min=0.0,
                   needs=(not_zero("clock_drift", "clock_drift_std"),)),
         parameter("processing_delay", "Time the receiver takes before it stamps an arrival", "s",
                   min=0.0, max=1.0),
-        parameter("processing_delay_correction", "What the receiver subtracts for it", "s",
+        parameter("processing_delay_correction", "Delay that the receiver subtracts", "s",
                   min=0.0, max=1.0),
-        choice("packet_content", "What a packet says of where the platform is: "
+        choice("packet_content", "What a packet says about the platform: "
                + alternatives(it.words for it in CONTENTS.values()), PACKET_CONTENT, 1),
         parameter("packet_resolution", "Positions in a packet are multiples of this; 0: not "
                   "rounded", "m", min=0.0, max=1000.0),

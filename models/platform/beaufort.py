@@ -1,6 +1,6 @@
 """Sea states: waves and platform motion for a Beaufort number (the paper's section 4).
 
-The README of this folder has sources and derivation; the tests recompute the slopes.
+The README of this folder gives sources and derivation. The tests recompute the slopes.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ YAW_PERIOD = 20.0
 
 @dataclass(frozen=True, slots=True)
 class Level:
-    """A sea state, and the response of a raft of 1.6 m to it.
+    """A sea state, and how a raft of 1.6 m responds to it.
 
     Attributes
     ----------
@@ -37,12 +37,12 @@ class Level:
 
     @property
     def angle_amplitude(self) -> float:
-        """Amplitude of the sinusoid with the RMS of the slope [rad]; for roll, pitch and yaw."""
+        """Amplitude of a sinusoid with this RMS slope [rad]; for roll, pitch and yaw."""
         return sqrt(2.0) * self.slope_rms
 
     @property
     def heave_amplitude(self) -> float:
-        """Amplitude of the sinusoid with the RMS of the surface, H_s / 4 [m]."""
+        """Amplitude of a sinusoid with the RMS of the surface, H_s / 4 [m]."""
         return sqrt(2.0) * self.wave_height / 4.0
 
 
@@ -83,5 +83,6 @@ def sea_state(beaufort: int) -> Mapping[str, float]:
 
 
 PRESET = Preset(
-    "beaufort", "platform", "Sea state, {}: sets the keys of waves not given", sea_state, LEVELS
+    "beaufort", "platform", "Sea state, {}: sets the keys of the waves that are not given",
+    sea_state, LEVELS,
 )

@@ -1,6 +1,6 @@
-"""Equations of the Platform: pose in waves, beacons, and both as reported by GPS and IMU.
+"""Equations of the Platform: pose in waves, beacons, and both as GPS and IMU report them.
 
-White noise and Gauss-Markov errors are held between ticks; drift, temperature and shock are
+White noise and Gauss-Markov errors are held between ticks. Drift, temperature and shock are
 continuous functions of time.
 """
 
@@ -23,7 +23,7 @@ _CROSS = number_of(ARRANGEMENT, "cross")
 
 
 def _scales(sensor: str, axes: tuple[str, str, str], *parts: str) -> tuple[str, ...]:
-    """Parameter that scales each number drawn for a sensor."""
+    """Parameters that scale the numbers drawn for a sensor, one per number."""
     return tuple(f"{sensor}_{axis}_{part}" for part in parts for axis in axes)
 
 
@@ -75,7 +75,7 @@ def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Val
 
 
 def _buoys(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
-    """The errors of the buoys' own GPS."""
+    """Errors of the buoys' own GPS receivers."""
     return {
         "own_white": _own(p, "std") * _each(p, w.own_gps, 0, 2),
         "own_markov": _markov(
@@ -112,7 +112,7 @@ def _output(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Values:
 
 
 def _wave(p: Symbols, axis: str, t: Any, phase: Any) -> Any:
-    """Wave equation (the paper's section 4); the condition skips the sine if there is no motion."""
+    """Wave equation (the paper's section 4). The condition skips the sine if there is no motion."""
     amplitude = getattr(p, f"{axis}_amplitude")
     angle = 2 * pi * getattr(p, f"{axis}_frequency") * t + phase
     return ca.if_else(amplitude != 0, amplitude * ca.sin(angle), 0)
@@ -133,7 +133,7 @@ def _placed(position: Any, R: Any, points: Any) -> Any:
 
 
 def _markov(value: Any, decay: Any, std: Any, noise: Any) -> Any:
-    """Exact step of a stationary first-order Gauss-Markov process, decay = exp(-T/τ)."""
+    """Exact step of a stationary first-order Gauss-Markov process with decay = exp(-T/τ)."""
     return decay * value + std * ca.sqrt(ca.fmax(1 - decay**2, 0)) * noise
 
 
@@ -166,12 +166,12 @@ def _gps(p: Symbols, part: str) -> Any:
 
 
 def _own(p: Symbols, part: str) -> Any:
-    """A part of the GPS error of each buoy, one per row."""
+    """One part of the GPS error of each buoy, one buoy per row."""
     return ca.repmat(_gps(p, part).T, p.beacons, 1)
 
 
 def _each(p: Symbols, numbers: Any, part: int, parts: int) -> Any:
-    """Three of the numbers that were drawn for each beacon, one beacon per row."""
+    """Three of the numbers drawn for each beacon, one beacon per row."""
     rows = ca.reshape(numbers, 3 * parts, p.beacons).T
     return rows[:, 3 * part : 3 * part + 3]
 

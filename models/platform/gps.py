@@ -1,6 +1,6 @@
-"""GPS grades: published accuracies, and the errors of a position that they imply.
+"""GPS grades: published accuracies, and the position errors that they imply.
 
-Sources; what they do not say is an estimate, and is said to be one in the README of this folder.
+Sources. What they do not state is estimated; the README of this folder marks these estimates.
 
 standalone
     FAA, *GPS SPS Performance Analysis Report* for April to June 2013, as summarised in IFR
@@ -10,7 +10,7 @@ sbas
     site has 1.062 m horizontal and 1.790 m vertical, 95 %.
 differential, rtk_fixed
     Trimble, *5700 GPS Receiver User Guide*, Table 9.2: L1 C/A code 0.50 m and 0.75 m (one sigma);
-    RTK 1 cm + 1 ppm and 2 cm + 2 ppm (RMS). The base is near: nothing is added per kilometre.
+    RTK 1 cm + 1 ppm and 2 cm + 2 ppm (RMS). The base is close, so nothing is added per kilometre.
 rtk_float
     NovAtel, *OEMV Family Installation and Operation User Manual*, Rev 5B, Table 17: RT-20, which
     does not fix ambiguities, 20 cm RMS, horizontal.
@@ -25,25 +25,25 @@ from math import log, sqrt
 from ..preset import Preset
 
 _RADIAL_95 = sqrt(-2.0 * log(0.05))
-"""95 % of the length of a vector of two unit normals."""
+"""95th percentile of the length of a vector of two unit normals."""
 _NORMAL_95 = 1.959964
-"""Half the width of the interval with 95 % of a unit normal."""
+"""Half the width of the interval that holds 95 % of a unit normal."""
 _RADIAL_RMS = sqrt(2.0)
-"""RMS of the length of a vector of two unit normals."""
+"""RMS length of a vector of two unit normals."""
 
 
 @dataclass(frozen=True, slots=True)
 class Grade:
-    """How far a position is off, and how the error varies.
+    """Size of a position error, and how it varies over time.
 
     Attributes
     ----------
     horizontal, vertical
-        Standard deviation of the whole error, horizontal per axis [m].
+        Standard deviation of the total error; horizontal: per axis [m].
     white, markov, bias
-        Shares of the variance that are white, vary slowly, and are constant over a run.
+        Shares of the variance that are white, that vary slowly, and that stay constant over a run.
     correlation_time
-        Of the part that varies slowly [s].
+        Correlation time of the slowly varying part [s].
     """
 
     horizontal: float
@@ -75,11 +75,13 @@ def grade(name: str) -> Mapping[str, float]:
     shares = {"std": chosen.white, "markov_std": chosen.markov, "bias_std": chosen.bias}
     axes = {"horizontal": chosen.horizontal, "vertical": chosen.vertical}
     errors = {
-        # Four digits: nobody knows more, and a scenario file stays readable.
+        # Four significant digits: more is not known, and the scenario file stays readable.
         f"gps_{axis}_{part}": float(f"{sqrt(share) * std:.4g}")
         for part, share in shares.items() for axis, std in axes.items()
     }
     return errors | {"gps_correlation_time": chosen.correlation_time}
 
 
-PRESET = Preset("gps_grade", "platform", "Sets keys of the GPS not given: {}", grade, GRADES)
+PRESET = Preset(
+    "gps_grade", "platform", "Sets the keys of the GPS that are not given: {}", grade, GRADES
+)

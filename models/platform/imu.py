@@ -11,14 +11,14 @@ from ..preset import Preset
 
 @dataclass(frozen=True, slots=True)
 class Grade:
-    """A row of Table 1, with the lower end of each range.
+    """A row of Table 1, using the lower end of each range.
 
     Attributes
     ----------
     accelerometer_bias
-        [mg], thousandths of standard gravity.
+        In mg, thousandths of standard gravity.
     gyro_bias
-        [deg/h].
+        In deg/h.
     """
 
     accelerometer_bias: float
@@ -26,7 +26,7 @@ class Grade:
 
     @property
     def tilt_bias(self) -> float:
-        """Error of roll and of pitch [rad]: accelerometer bias / g (small angles)."""
+        """Error of roll and pitch [rad]: accelerometer bias / g (small angles)."""
         return self.accelerometer_bias * 1e-3
 
     @property
@@ -56,4 +56,6 @@ def grade(name: str) -> Mapping[str, float]:
     return {"imu_tilt_bias": chosen.tilt_bias, "imu_heading_drift": chosen.heading_drift}
 
 
-PRESET = Preset("imu_grade", "platform", "Sets keys of the IMU not given: {}", grade, GRADES)
+PRESET = Preset(
+    "imu_grade", "platform", "Sets the keys of the IMU that are not given: {}", grade, GRADES
+)

@@ -1,4 +1,4 @@
-"""Declaration of the Platform: beacons on a floating cross or as given, with GPS and IMU."""
+"""Declaration of the Platform: beacons on a floating cross or at given points, GPS and IMU."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _IMU_AXES = ("tilt", "heading")
 
 
 def _any(sensor: str, axes: tuple[str, ...], *parts: str) -> tuple[Condition, ...]:
-    """Conditions, one per part of a sensor's error: it is not zero."""
+    """Conditions that a part of a sensor's error is not zero, one for each part."""
     return not_zero(*(f"{sensor}_{axis}_{part}" for part in parts for axis in axes))
 
 
@@ -93,7 +93,7 @@ def _gps(part: str, description: str) -> tuple[Variable, ...]:
 COMPONENT = Component(
     name="Platform",
     number=2,
-    description="A moored platform in waves; it broadcasts its beacons' positions from GPS and IMU",
+    description="A moored platform in waves; broadcasts its beacons' positions from GPS and IMU",
     interval="sampling_time",
     variables=(
         tick_interval("sampling_time", "Time between draws of the GPS and IMU errors",
@@ -101,28 +101,29 @@ COMPONENT = Component(
         *noise_keys((*_DRAWN, Condition("random_phases", (1,))), (*_DRAWN, *_WAVES)),
         parameter("mean_position", "Mean position of the reference point, NED", "m", shape=(3,)),
         parameter("mean_heading", "Mean yaw", "rad", min=-2 * pi, max=2 * pi),
-        choice("arrangement", "Where the beacons are: at the ends of a cross of equal arms, the "
-               "first one forward, or as given", ARRANGEMENT, 1),
+        choice("arrangement", "Where the beacons are: at the ends of a cross with equal arms, the "
+               "first one forward, or at given positions", ARRANGEMENT, 1),
         parameter("arm_length", "Length of each arm of the cross: the paper's baseline", "m",
                   start=ARM, min=0.001, max=1000.0, needs=(_CROSS,)),
         parameter("beacon_depth", "Depth of the beacons below the reference point, body frame",
                   "m", start=DEPTH, min=-100.0, max=100.0, needs=(_CROSS,)),
         parameter("beacon", "Nominal position of each beacon, body frame: forward, right, down",
                   "m", shape=(BEACONS, 3), start=usual, min=-1e4, max=1e4, needs=(_GIVEN,)),
-        parameter("beacon_scale", "Factor of all horizontal offsets of the beacons", start=1.0,
+        parameter("beacon_scale", "Factor on all horizontal offsets of the beacons", start=1.0,
                   min=0.001, max=1000.0),
         switch("random_phases", "Whether the phases of all waves are drawn from the seed", True,
                needs=(_WAVES,)),
         *_waves(),
-        parameter("mounting_error", "Installation error of each beacon, body frame; the platform "
-                  "does not know it", "m", shape=(BEACONS, 3), needs=(_SHARED,)),
-        parameter("mounting_std", "Standard deviation of what a run adds to that error, per beacon "
-                  "and axis: of mounting, or of the survey of beacons on the bottom", "m", min=0.0,
+        parameter("mounting_error", "Installation error of each beacon, body frame; unknown to the "
+                  "platform", "m", shape=(BEACONS, 3), needs=(_SHARED,)),
+        parameter("mounting_std", "Standard deviation of the error that each run adds to it, per "
+                  "beacon and axis: of mounting, or of surveying beacons on the bottom", "m",
+                  min=0.0,
                   needs=(_SHARED,)),
-        switch("gps_shared", "Whether one GPS and one IMU place all beacons; else each beacon is a "
-               "buoy whose own GPS, with errors of its own, is right above it", True),
+        switch("gps_shared", "Whether one GPS and one IMU place all beacons; if not, each beacon "
+               "hangs below a buoy with its own GPS, whose errors are independent", True),
         parameter("gps_antenna_offset", "Position of the GPS antenna relative to the reference "
-                  "point, body frame; the platform does not know it", "m", shape=(3,),
+                  "point, body frame; unknown to the platform", "m", shape=(3,),
                   needs=(_SHARED,)),
         *_gps("std", "GPS: standard deviation of white noise per sample"),
         *_gps("bias_std", "GPS: standard deviation of the constant error of a run"),

@@ -1,4 +1,4 @@
-"""Equations of the range model: the ranges in z and their part of H (the paper's section 3)."""
+"""Equations of the range model: the ranges in z and their rows of H (the paper's section 3)."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""What a short baseline does not see: a turn of the diver's track about the platform.
+"""What a short baseline cannot observe: rotation of the diver's track about the platform.
 
-y = x − p, horizontal; e_r = y/|y|, and e_t is e_r turned by 90°. Corrections along e_t are taken
-along the arc, and the spread along it bends ranges and shifts the mean.
+y = x − p, horizontal. e_r = y/|y|, and e_t is e_r rotated by 90°. Corrections along e_t follow the
+arc. The spread along the arc bends ranges and shifts the mean.
 """
 
 from __future__ import annotations
@@ -43,12 +43,12 @@ class Arc:
     radial, tangential
         e_r and e_t, (2, 1).
     far
-        Whether there is an arc at all: 0 or 1.
+        Whether the diver is far enough for an arc: 0 or 1.
     spread, depth
         Variances of the bearing, at most `WIDEST` [rad²], and of the distance [m²].
     heading, turned
-        Variances of the platform's heading, and what that of the bearing less the heading, which
-        is what bends a range, has more, at most `WIDEST` [rad²].
+        Variance of the platform's heading, and the excess variance of the bearing minus the
+        heading, which is what bends a range; at most `WIDEST` [rad²].
     """
 
     y: Any
@@ -96,11 +96,11 @@ def _form(v: Any, matrix: Any) -> Any:
 
 
 def bent(arc: Arc, row: Range) -> Measurement:
-    """A range over the spread of bearing and heading.
+    """A range averaged over the spread of bearing and heading.
 
-    Turning about the platform leaves the distance to its centre as it is; only the arm of the
-    beacon bends the range, to second order. A heading may be quite unknown: over its spread s the
-    arm keeps ``k = exp(-s/2)`` of its part in the range and in the slope; the rest is noise.
+    Rotation about the platform keeps the distance to its centre. Only the beacon's arm bends the
+    range, to second order. The heading may be quite unknown: over its spread s, the arm keeps ``k =
+    exp(-s/2)`` of its part in the range and in the slope. The rest is noise.
     """
     first = (row.u[0] * arc.tangential[0] + row.u[1] * arc.tangential[1]) * arc.radius
     arm = (arc.y[0] * row.arm[0] + arc.y[1] * row.arm[1]) / row.distance
@@ -123,12 +123,12 @@ def bent(arc: Arc, row: Range) -> Measurement:
 
 
 def retract(mean: Any, P: Any, d: Any) -> tuple[Any, Any, Map]:
-    """Take a correction d of all states along the arc; the covariance turns with it.
+    """Apply a correction d of all states along the arc; the covariance rotates with it.
 
     Returns
     -------
     mean, P, turn
-        ``turn`` is what the error of the state goes through, A.
+        ``turn`` is the map of the state's error, A.
     """
     y = mean[_NORTH_EAST] - mean[_PLATFORM]
     length = ca.sqrt(ca.sumsqr(y))
@@ -165,7 +165,7 @@ def retract(mean: Any, P: Any, d: Any) -> tuple[Any, Any, Map]:
 
 
 def moments(arc: Arc, P: Any) -> tuple[Any, Any]:
-    """How far the mean of the banana lies from its crest, (2, 1), and what its covariance has more.
+    """Offset of the banana's mean from its crest, (2, 1), and the covariance that it adds.
 
     See `surroundings.crescent`.
     """

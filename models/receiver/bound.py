@@ -1,10 +1,10 @@
-"""What a receiver's model says about how well it can do: the equations of a bound.
+"""How well a receiver can do according to its own model: the equations of a bound.
 
 A bound needs the rows of the measurements at the true states, their variances, the transition and
-the prior. They are those of `surroundings` and of `field`, as formulas on scalars like these: ``m``
-is the module ``casadi`` for the C of `sblcosim.fmus.build.bound_source`. ``p`` has the parameters
-of a receiver and `SITUATION` as attributes, ``s`` has `SURROUNDINGS`, each a sequence. States from
-``states`` on are those of one beacon, and each beacon has a copy of them.
+the prior. They come from `surroundings` and `field`, as formulas on scalars: ``m`` is the module
+``casadi`` for the C of `sblcosim.fmus.build.bound_source`. ``p`` has the parameters of a receiver
+and `SITUATION` as attributes, ``s`` has `SURROUNDINGS`, each a sequence. States from ``states`` on
+belong to one beacon, and each beacon has a copy of them.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from . import field, surroundings
 from .surroundings import Elements, Measurement, Pose
 
 FAR_STD = 30.0
-"""What is known of a place before any measurement [m]; more makes no difference."""
+"""Standard deviation of a position before any measurement [m]; a larger one changes nothing."""
 ANYWHERE = 10.0
-"""The same of a heading [rad]."""
+"""Standard deviation of a heading before any measurement [rad]."""
 _LEAST_STD = 1e-6
-"""No sensor is better than this [m]: information must be finite."""
+"""No sensor is more accurate than this [m]: information must be finite."""
 
 SURROUNDINGS: Mapping[str, int] = {"position": 3, "platform": 3, "attitude": 3, "beacon": 3}
-"""What is true at an epoch, and its length: places of the diver and of the platform, NED [m],
-roll, pitch, yaw [rad], and of one beacon the place in the body frame, or NED for `FIELD` [m]."""
+"""True values at an epoch, and their lengths: positions of diver and platform, NED [m], roll,
+pitch, yaw [rad], and the position of one beacon, in the body frame or, for `FIELD`, NED [m]."""
 SITUATION = ("speed", "own_beacon", "known_start")
-"""What is no parameter of a receiver: κ; whether packets tell where their own beacon is, and
-nothing else; whether the start is known as the receiver's prior says."""
+"""What is not a parameter of a receiver: κ; whether packets hold the position of their own beacon
+and nothing else; whether the start is known with the receiver's prior."""
 
 
 Matrix = list[list[Any]]
@@ -44,10 +44,11 @@ class Row:
     of
         ``of(m, p, s)``, at the true states.
     counts
-        Of which there may be more or fewer: readings of the depth, packets of any beacon, or
-        packets of each beacon; the last ones are measured for each beacon.
+        What its number of measurements follows: readings of the depth, packets of any beacon, or
+        packets of each beacon. The last kind is measured for each beacon.
     own_beacon
-        Whether it is there if packets tell where their own beacon is, and if not; None: always.
+        True: only if packets hold nothing but their own beacon's position; False: only if they hold
+        more; None: always.
     """
 
     of: Callable[[Any, Any, Any], Measurement]
@@ -62,11 +63,11 @@ class Bound:
     Attributes
     ----------
     parameters
-        Those of the receiver that it has, by name. The first one is the diver's own.
+        Names of the receiver's parameters that it uses. The diver's own come first.
     states, each
-        Number of states without beacons, and of each beacon.
+        Number of states without beacons, and number of states per beacon.
     prior_stds
-        ``prior_stds(p)``, by the index of the state; others are known.
+        ``prior_stds(p)``, by index of the state. All other states are known at the start.
     transition
         ``transition(m, p, dt)``: Φ without its ones, and the upper triangle of Q.
     marginals
@@ -89,12 +90,12 @@ _DIVER = (
 
 
 def least(m: Any, measurement: Measurement) -> Any:
-    """Variance of a measurement, or of the best sensor that there is [m² or rad²]."""
+    """Variance of a measurement, or of the most accurate sensor possible [m² or rad²]."""
     return m.fmax(measurement.variance, _LEAST_STD**2)
 
 
 def _either(condition: Any, one: Any, other: Any) -> Any:
-    """One number where the condition is 1, the other one where it is 0."""
+    """The first number where the condition is 1, the second where it is 0."""
     return condition * one + (1 - condition) * other
 
 
@@ -114,7 +115,7 @@ def _of_platform(p: Any, s: Any) -> list[Any]:
 
 
 def _pose(p: Any, s: Any) -> Pose:
-    """A platform of which packets say no more than where their beacon is has no known tilt."""
+    """The tilt is unknown if packets hold only their own beacon's position."""
     own = p.own_beacon
     roll, pitch = (_either(own, 0.0, angle) for angle in s.attitude[:2])
     return Pose(
@@ -135,8 +136,8 @@ def _range(m: Any, p: Any, s: Any) -> Measurement:
 
 
 def _platform_marginals(p: Any, P: Any) -> tuple[Matrix, Matrix]:
-    """Of x, and of x − p. A constant GPS error is in the absolute one, a white vertical one in the
-    relative one: neither is a state.
+    """Covariances of x and of x − p. The constant GPS error enters the absolute one, the white
+    vertical error the relative one: neither is a state.
     """
     north, east = surroundings.PLATFORM
     difference = [[(0, 1), (north, -1)], [(1, 1), (east, -1)],
@@ -200,7 +201,7 @@ def _field_range(m: Any, p: Any, s: Any) -> Measurement:
 
 
 def _field_marginals(p: Any, P: Any) -> tuple[Matrix, Matrix]:
-    """There is no platform: what is relative is absolute."""
+    """Without a platform, relative and absolute positions are the same."""
     place = [[P[i, j] for j in field.POSITION] for i in field.POSITION]
     return place, place
 

@@ -1,7 +1,7 @@
 """A Kalman filter of the diver, the platform and the errors of their sensors, together.
 
-Every sample is used once, at its own epoch. Ranges may be late; corrections follow the arc about
-the platform; a filter that is wrong starts anew.
+Every sample is used once, at its own epoch. Ranges may be late. Corrections follow the arc about
+the platform. A filter that is wrong restarts.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ from .variables import INITIALISATION
 
 _PRIOR = number_of(INITIALISATION, "prior")
 _FAR_STD = 30.0
-"""Of the platform about its first packet [m]; more makes no difference."""
+"""Prior of the platform about its first packet [m]; a larger one changes nothing."""
 _ANYWHERE = 10.0
-"""Of a heading before the first packet [rad]."""
+"""Prior of the heading before the first packet [rad]."""
 
 
 def initial(p: Symbols, w: Symbols, t: Any) -> Values:
@@ -90,15 +90,15 @@ def _process(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
 
 
 def processed(p: Symbols, x: Symbols, u: Symbols) -> tuple[dict[str, Any], list[Step]]:
-    """The oldest sample; a depth and a packet of one epoch together, the depth first.
+    """Process the oldest sample; a depth and a packet of one epoch together, the depth first.
 
-    The first fix waits for the platform, and for the last of the new samples.
+    The first fix waits for the platform and for the last of the new samples.
 
     Returns
     -------
     states, steps
-        The states that change, and what the mean and its error go through but for the first place
-        of the platform.
+        The changed states, and the steps that the mean and its error go through, except for the
+        first placement of the platform.
     """
     s = with_beacons(x, u, u.ping_beacon_position)
     oldest, depth, packet, chosen, z = _oldest(s)
@@ -115,7 +115,7 @@ def processed(p: Symbols, x: Symbols, u: Symbols) -> tuple[dict[str, Any], list[
     depth_used = depth * using
     mean, P, depth_nis, sounded = _sounded(p, mean, P, s.z[DEPTH], depth_used)
 
-    # The poses of several packets of one epoch are the same, errors included.
+    # Several packets of one epoch hold the same pose, errors included.
     again = (oldest == x.pose_epoch) * (said.is_own == 0)
     mean, P, posed = _platform_updated(p, mean, P, said, packet * located * (again == 0))
     ranged = packet * located * using
@@ -153,18 +153,18 @@ def processed(p: Symbols, x: Symbols, u: Symbols) -> tuple[dict[str, Any], list[
 def _sounded(
     p: Symbols, mean: Any, P: Any, z: Any, weight: Any
 ) -> tuple[Any, Any, Any, Correction]:
-    """A reading of the depth sensor: mean, P, nis and step, as `_update`."""
+    """Apply a reading of the depth sensor; returns mean, P, nis and step like `_update`."""
     row = surroundings.depth(p, _elements(mean))
     d, P, nis, step = _update(P, ca.SX.zeros(STATES), row, z - row.value, weight)
     return mean + d, P, nis, step
 
 
 def _oldest(s: Samples) -> tuple[Any, Any, Any, Any, Any]:
-    """The oldest epoch, whether it has a depth and a packet, of which beacon, and its range."""
+    """The oldest epoch, whether it has a depth and a packet, the packet's beacon and its range."""
     pending = [ca.if_else(s.new[i], s.epoch[i], s.newest + 1) for i in range(s.count + 1)]
     oldest = ca.mmin(ca.vertcat(*pending))
     which, packet, z = [], ca.SX(0), ca.SX(0)
-    for i in range(s.count):  # of equal epochs the first one
+    for i in range(s.count):  # the first of equal epochs
         this = (pending[i] <= oldest) * (packet == 0)
         which.append(this)
         packet += this
@@ -177,7 +177,7 @@ def _elements(mean: Any) -> list[Any]:
 
 
 def _turned_arm(said: pose.Packet) -> Any:
-    """The beacon's arm with the tilt of its packet, at a heading of 0, (3, 1)."""
+    """The beacon's arm with its packet's tilt, at a heading of 0, (3, 1)."""
     at_zero = [ca.SX(0)] * STATES
     arm = [said.arm[i] for i in range(3)]
     return ca.vertcat(*surroundings.arm_of(ca, at_zero, said.pose, arm))
@@ -198,9 +198,9 @@ def _predicted(
 def _located(
     mean: Any, P: Any, said: pose.Packet, packet: Any, located: Any
 ) -> tuple[Any, Any, Any]:
-    """Put the platform where its first complete packet says it is."""
+    """Place the platform where its first complete packet says."""
     first = packet * said.complete * (located == 0)
-    # What turns own positions is ψ + e_ψ.
+    # Own positions are rotated by ψ + e_ψ.
     apart = ca.if_else(said.is_own, P[HEADING_ERROR, HEADING_ERROR], 0)
     variances = {
         **dict.fromkeys(PLATFORM, _FAR_STD**2),
@@ -233,12 +233,12 @@ def _gain(P: Any, row: Measurement) -> tuple[Any, Any]:
 def _update(
     P: Any, d: Any, row: Measurement, innovation: Any, weight: Any
 ) -> tuple[Any, Any, Any, Correction]:
-    """Add a linear scalar measurement to a correction d that has not been taken yet.
+    """Add a linear scalar measurement to a correction d that has not been applied yet.
 
     Returns
     -------
     d, P, nis, step
-        With the measurement, where weight is 1.
+        Including the measurement where weight is 1.
     """
     c, S = _gain(P, row)
     rest = innovation - sum(value * d[i] for i, value in row.row.items())
@@ -250,7 +250,7 @@ def _update(
 def _platform_updated(
     p: Symbols, mean: Any, P: Any, said: pose.Packet, weight: Any
 ) -> tuple[Any, Any, list[Step]]:
-    """What a packet says of the platform, taken as one correction."""
+    """Apply what a packet says about the platform as one correction."""
     x = _elements(mean)
     d = ca.SX.zeros(STATES)
     body = [said.body[0], said.body[1]]
@@ -270,7 +270,7 @@ def _platform_updated(
 def _range_updated(
     p: Symbols, mean: Any, P: Any, said: pose.Packet, z: Any, weight: Any
 ) -> tuple[Any, Any, Any, Any, list[Step]]:
-    """A range, which may be late; along the arc, with its second order.
+    """Apply a range that may be late, along the arc and to second order.
 
     Returns
     -------
@@ -304,9 +304,10 @@ def outputs(p: Symbols, x: Symbols, state: Any, P: Any, down: Any) -> Values:
     Parameters
     ----------
     x
-        Has what `estimate.outputs` needs, ``mean`` for clock and speed of sound, and ``restarts``.
+        Holds what `estimate.outputs` needs, ``mean`` for clock and speed of sound, and
+        ``restarts``.
     state, P, down
-        State and covariance of the estimate, and how deep the platform was said to be [m].
+        State and covariance of the estimate, and the reported depth of the platform [m].
     """
     seen = arc.about(state, P)
     shift, more = arc.moments(seen, P)

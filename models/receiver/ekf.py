@@ -16,7 +16,7 @@ def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Val
     s = samples(p, x, u)
     update, start, changes = kalman.begin(x, s)
     newest = ca.fmax(s.newest, x.epoch)
-    # An interval and gains of zero leave the estimate as it is when there is nothing to do.
+    # With nothing to do, an interval of zero and zero gains leave the estimate unchanged.
     mean, P = kalman.predict(
         p, x.mean, unpack(x.covariance, STATES), update * (newest - x.epoch)
     )
@@ -24,7 +24,7 @@ def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Val
     R = noise(p)
     nis = ca.SX(0)
     # R is diagonal: scalar updates one after another, all linearised at the same predicted state,
-    # equal the paper's 5 x 5 form.
+    # are equivalent to the paper's 5 x 5 form.
     for i, (value, gradient) in enumerate(predicted(before[list(POSITION)], s)):
         h = kalman.sensitivity(gradient)
         innovation = s.z[i] - value - ca.dot(h, mean - before)

@@ -1,4 +1,4 @@
-"""The outputs that all receivers have in common."""
+"""Outputs that all receivers share."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def outputs(x: Symbols, mean: Any, covariance: Any) -> Values:
 
 
 def of_clock(p: Symbols, x: Symbols, clock: Any, speed: Any) -> Values:
-    """What filters that know of a clock say of it.
+    """Outputs of filters that estimate a clock.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
-"""The model of `long_baseline`: the diver, the clock, and where each beacon really is.
+"""The model of `long_baseline`: the diver, the clock, and the true position of each beacon.
 
-Formulas on scalars for two worlds, as in `surroundings`: ``m`` is ``casadi`` or ``numpy``. Beacon i
-is at ŝ_i + e_i, where ŝ_i is what is known of it, and e_i, three states each, its error.
+Formulas on scalars for two uses, as in `surroundings`: ``m`` is ``casadi`` or ``numpy``. Beacon i
+is at ŝ_i + e_i, where ŝ_i is its known position and e_i its error, with three states each.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def error(beacon: int) -> tuple[int, int, int]:
 
 
 def prior_stds(p: Any) -> dict[int, Any]:
-    """Standard deviations of all states but the diver's, before any measurement."""
+    """Standard deviations of all states except the diver's, before any measurement."""
     stds = {CLOCK: p.clock_std, SPEED: p.sound_speed_std, DEPTH_BIAS: p.depth_bias_std}
     for i in range(p.beacons):
         stds |= dict(zip(error(i), _error_stds(p), strict=True))
@@ -42,7 +42,7 @@ def _error_stds(p: Any) -> tuple[Any, Any, Any]:
 
 
 def transition(m: Any, p: Any, dt: Any) -> tuple[dict[tuple[int, int], Any], ...]:
-    """Φ and the upper triangle of Q over ``dt`` [s], by row and column; Φ without its ones."""
+    """Φ without its ones, and the upper triangle of Q, over ``dt`` [s], by row and column."""
     phi, Q = white_acceleration(p.acceleration_psd, dt, POSITION, VELOCITY)
     Q[CLOCK, CLOCK] = p.clock_walk_psd * dt
     decay = m.exp(-dt / p.beacon_error_time)
@@ -71,9 +71,9 @@ def range_(
     known
         ŝ_i, NED [m].
     which
-        Whether it is each beacon: 0 or 1.
+        Whether it is the range to this beacon, one per beacon: 0 or 1.
     about
-        Where the beacon is for the derivatives, NED [m]; None: where it is estimated.
+        Position of the beacon at which to linearise, NED [m]; None: its estimate.
     """
     off = [
         sum(which[i] * x[error(i)[n]] for i in range(p.beacons)) for n in range(3)

@@ -1,9 +1,9 @@
-"""The filter `coupled`, with estimates that wait: each is as old as the lag, and knows what came.
+"""The filter `coupled` with delayed estimates: each uses everything received up to the lag later.
 
-The filter itself is the same. At every quarter of the lag it keeps a copy of diver and platform, as
-estimated then. What is learnt about the state corrects the copies too, in proportion to their
-covariance with it: a fixed-lag smoother by delayed states (B. D. O. Anderson, J. B. Moore, Optimal
-Filtering, 1979, section 7.3). A copy that is as old as the lag becomes an estimate.
+The filter itself is unchanged. Every quarter of the lag it keeps a copy of the current estimate of
+diver and platform. Whatever corrects the state later also corrects the copies, in proportion to
+their covariance with it: a fixed-lag smoother by delayed states (B. D. O. Anderson, J. B. Moore,
+Optimal Filtering, 1979, section 7.3). A copy that is as old as the lag becomes an estimate.
 """
 
 from __future__ import annotations
@@ -23,31 +23,31 @@ from .surroundings import PLATFORM, POSITION, STATES, VELOCITY, VERTICAL_ERROR
 
 _KEPT = [*POSITION, *VELOCITY, *PLATFORM, VERTICAL_ERROR]
 _SPACING = 4
-"""Copies in a lag."""
+"""Copies per lag."""
 _COPIES = _SPACING + 1
-"""One more than in a lag: the oldest is given out before it makes room for the newest."""
+"""One more than per lag: the oldest is output before it makes room for the newest."""
 _SIZE = len(_KEPT)
 _TRIANGLE = _SIZE * (_SIZE + 1) // 2
 _GIVEN = 3 + _SIZE + _TRIANGLE
 _NUMBERS = _GIVEN + _SIZE * STATES
 _SAME = 1e-6
-"""Times that differ by less than this [s] are the same."""
+"""Times closer than this [s] count as equal."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Copy:
-    """Diver and platform at a time, as known later.
+    """Diver and platform at an earlier time, as known now.
 
     Attributes
     ----------
     there
-        Whether there is any: 0 or 1.
+        Whether the copy exists: 0 or 1.
     epoch
-        The time [s].
+        Its time [s].
     down
-        How deep the platform was said to be [m].
+        Reported depth of the platform [m].
     past
-        Of the states `_KEPT`.
+        Delayed states, those of `_KEPT`.
     """
 
     there: Any
@@ -57,7 +57,7 @@ class _Copy:
 
     @property
     def numbers(self) -> Any:
-        """As a row; the first `_GIVEN` are all that an estimate needs."""
+        """All numbers as a row. An estimate needs only the first `_GIVEN` of them."""
         return ca.vertcat(
             self.there, self.epoch, self.down, self.past.mean, pack(self.past.covariance),
             ca.vec(self.past.cross),
@@ -95,7 +95,8 @@ def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
 
 
 def _process(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
-    """As `coupled`; then the copies follow. One that starts anew was wrong, as its copies are."""
+    """Process as `coupled`, then update the copies. A restart discards them: they were wrong
+    too."""
     changed, steps = coupled.processed(p, x, u)
     going = changed["passes"] == 0
     working = changed["ready"] * changed["located"] * going
@@ -115,7 +116,7 @@ def _process(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
 
 
 def _turn(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
-    """The oldest copy follows, and goes to the end; at last, a new one takes its place."""
+    """Correct the oldest copy and move it to the end. The last pass stores a new copy if due."""
     _, form = coupled.processed(p, x, u)
     old = _copy(x.copies[0, :])
     followed = replace(old, past=old.past.after(unpacked(form, x.steps)))
@@ -133,7 +134,7 @@ def _ripe(p: Symbols, x: Symbols, t: Any) -> Any:
 
 
 def _give(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
-    """The newest of the ripe copies becomes the estimate: of several, only one would be seen."""
+    """Output the newest ripe copy: of several, only one would be seen."""
     ripe = _ripe(p, x, t)
     given = x.given
     for i in range(_COPIES):  # oldest first

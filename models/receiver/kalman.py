@@ -1,4 +1,4 @@
-"""Kalman filters with a constant-velocity model (the paper's section 3) and how they start."""
+"""Kalman filters with a constant-velocity model (the paper's section 3), and how they start."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _WHITE = number_of(PROCESS_NOISE, "white_noise_acceleration")
 
 
 def initial(p: Symbols, t: Any) -> Values:
-    """States of a filter at the start: the prior, used only if it is asked for."""
+    """States of a filter at the start. The prior is used only if the configuration asks for it."""
     return {
         **measurements.initial(p, t),
         **estimate.initial(t),
@@ -44,9 +44,9 @@ def begin(x: Symbols, s: Samples) -> tuple[Any, Any, Values]:
     Returns
     -------
     update, start
-        Whether the filter takes part in something new, or starts with it: 0 or 1.
+        Whether the filter processes something new, or starts with it: 0 or 1.
     changes
-        The states that say so.
+        The states that record this.
     """
     update = s.any_new * x.ready
     start = s.any_new * s.enough * (x.ready == 0)
@@ -59,12 +59,12 @@ def begin(x: Symbols, s: Samples) -> tuple[Any, Any, Values]:
 
 
 def initialise() -> Loop:
-    """The loop that makes an estimate from the latest receptions alone.
+    """The loop that computes an estimate from the latest receptions alone.
 
     A sample that is older than the newest by ``a`` counts with a variance larger by
-    ``(prior_velocity_std a)^2``, because the diver has moved since. If the samples agree worse than
-    their variances say, the covariance is scaled by their weighted sum of squared residuals per
-    degree of freedom.
+    ``(prior_velocity_std a)^2``, because the diver has moved since. If the samples disagree more
+    than their variances allow, the covariance is multiplied by their weighted sum of squared
+    residuals per degree of freedom.
     """
 
     def guard(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Any:
@@ -97,8 +97,8 @@ def predict(p: Symbols, mean: Any, P: Any, dt: Any) -> tuple[Any, Any]:
     """Time update (the paper's predictor): the state ``dt`` s later.
 
     Phi is the paper's. Q per axis is ``q [[dt^3/3, dt^2/2], [dt^2/2, dt]]`` for white noise
-    acceleration; for an acceleration of variance ``q/dt``, constant over the interval, only dt^3/4
-    takes the place of dt^3/3.
+    acceleration. For an acceleration of variance ``q/dt`` that is constant over the interval,
+    dt^3/4 replaces dt^3/3.
     """
     dt2 = dt * dt
     third = ca.if_else(p.process_noise == _WHITE, 1 / 3, 1 / 4)
@@ -128,7 +128,7 @@ def reduce(P: Any, b: Any, K: Any) -> Any:
 
 
 def joseph(P: Any, h: Any, b: Any, K: Any, R: Any) -> Any:
-    """The same as ``(I - K h) P (I - K h)' + K R K'``, which stays positive under rounding."""
+    """The same as ``(I - K h) P (I - K h)' + K R K'``, which stays positive despite rounding."""
     A = reduce(P, b, K)
     return symmetric(A + (R * K - A @ h) @ K.T)
 

@@ -1,4 +1,4 @@
-"""Ranges that may be late: how probable it is, and a score of those that do not fit."""
+"""Ranges that may be late: their probability, and a score of ranges that do not fit."""
 
 from __future__ import annotations
 
@@ -10,37 +10,37 @@ import casadi as ca
 from ..equations import Symbols
 
 _WRONG, _REACH = 1e-4, 50.0
-"""Share of ranges for which the filter itself is wrong, by up to this many m, to both sides."""
+"""Share of ranges for which the filter itself is wrong, by up to this many m either way."""
 LIMIT = 12.0
-"""Score at which a filter starts anew."""
+"""Score at which a filter restarts."""
 _ACCEPTED = 1.1
-"""What a range that fits takes back from the score."""
+"""Amount that a fitting range subtracts from the score."""
 _ERFC = (
     -1.26551223, 1.00002368, 0.37409196, 0.09678418, -0.18628806, 0.27886807, -1.13520398,
     1.48851587, -0.82215223, 0.17087277,
 )
-"""erfc(a) = t exp(-a² + poly(t)), t = 1/(1 + a/2), to 1.2e-7 of itself (W. H. Press et al.,
-Numerical Recipes in C, 2nd ed., 1992, section 6.2)."""
+"""erfc(a) = t exp(-a² + poly(t)), t = 1/(1 + a/2), with a relative error of 1.2e-7 (W. H. Press et
+al., Numerical Recipes in C, 2nd ed., 1992, section 6.2)."""
 
 
 def score(p: Symbols, before: Any, share: Any, ranged: Any) -> Any:
-    """The score of ranges that do not fit (CUSUM), after one that is not late by `share`."""
+    """The score of ranges that do not fit (CUSUM), after one that is punctual by `share`."""
     evidence = log(0.9) - ca.log(ca.fmax(p.outlier_probability, 0.01))
     more = (1 - share) * evidence - _ACCEPTED * share
     return ca.if_else(ranged, ca.fmax(before + more, 0), before)
 
 
 def punctual(p: Symbols, innovation: Any, S: Any) -> Any:
-    """Probability that a range is not late, from its innovation of variance S."""
+    """Probability that a range is punctual, from its innovation with variance S."""
     punctual, late = densities(p, innovation, S)
     return punctual / (punctual + late)
 
 
 def densities(p: Symbols, innovation: Any, S: Any) -> tuple[Any, Any]:
-    """Densities of an innovation of variance S [1/m]: of ranges that are punctual, and of others.
+    """Densities of an innovation with variance S [1/m]: of punctual ranges, and of all others.
 
-    A late one has an excess of exponential distribution with the mean m; all three densities have
-    the factor exp(-ν²/2S) where that is not the small one.
+    The excess of a late range is exponentially distributed with mean m. All three densities have a
+    common factor exp(-ν²/2S), unless that factor would be the smaller one.
     """
     chance, m = p.outlier_probability, p.outlier_mean
     root = ca.sqrt(S)

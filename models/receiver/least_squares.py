@@ -1,4 +1,4 @@
-"""A position from ranges and depth alone: a closed-form start and damped Gauss-Newton."""
+"""A position from ranges and depth alone: closed-form start, then damped Gauss-Newton."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import casadi as ca
 from .measurements import DEPTH, Samples, predicted
 
 PASSES = 20
-"""At most this many passes of `improve` per fix."""
+"""Maximum number of passes of `improve` per fix."""
 FIRST_DAMPING = 1e-6
 CLOSE = 1e-7
-"""A step below this many m ends the iteration."""
+"""A step shorter than this many m ends the iteration."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,9 +27,9 @@ class Pass:
     damping
         For the next pass.
     done
-        Whether the step was too small to matter.
+        Whether the step was too short to matter.
     information
-        ``H' W H`` where the pass began, (3, 3).
+        ``H' W H`` at the start of the pass, (3, 3).
     cost
         Weighted sum of squared residuals at ``position``.
     """
@@ -42,20 +42,20 @@ class Pass:
 
 
 def symmetric(matrix: Any) -> Any:
-    """The upper triangle and its mirror image; what is below the diagonal is never computed."""
+    """The upper triangle and its mirror image; elements below the diagonal are never computed."""
     return ca.triu2symm(ca.triu(matrix))
 
 
 def reciprocal(x: Any) -> Any:
-    """``1/x`` as a value of its own: of a product with `1/x` itself CasADi makes a division."""
+    """``1/x`` as a value of its own: CasADi turns a product with `1/x` into a division."""
     return 2 * (0.5 / x)
 
 
 def adjugate(matrix: Any) -> tuple[Any, Any]:
     """Adjugate and determinant of a symmetric, positive semidefinite 3 x 3 matrix.
 
-    Each element of the diagonal grows by 1e-12 of itself, 1e-20 of the trace and 1e-30, so that a
-    degenerate geometry gives a large variance, and no data at all no division by zero.
+    Each diagonal element grows by 1e-12 of itself, 1e-20 of the trace and 1e-30. Degenerate
+    geometry then gives a large variance, and missing data cause no division by zero.
     """
     a = matrix + ca.diag(1e-12 * ca.diag(matrix) + (1e-20 * ca.trace(matrix) + 1e-30))
     cofactors = ca.SX(3, 3)
@@ -77,9 +77,9 @@ def inverse(matrix: Any) -> Any:
 def closed_form(s: Samples) -> Any:
     """A position in m from differences of squared ranges, with z equal to the depth, (3, 1).
 
-    About the mean of the heard beacons, ``q_i = s_i - mean``, each squared range is ``r_i^2 =
-    |x|^2 - 2 q_i x + |q_i|^2``; summed over i with the weights q_i the unknown ``|x|^2`` drops
-    out, which leaves two linear equations in north and east.
+    About the mean of the heard beacons, ``q_i = s_i - mean``, each squared range is ``r_i^2 = |x|^2
+    - 2 q_i x + |q_i|^2``. In the sum over i with weights q_i the unknown ``|x|^2`` cancels, which
+    leaves two linear equations in north and east.
     """
     heard = s.heard[:DEPTH]
     mean = (heard.T @ s.beacons).T / ca.fmax(ca.sum1(heard), 1)
@@ -102,12 +102,12 @@ def closed_form(s: Samples) -> Any:
 
 
 def weights(s: Samples, variances: Any) -> Any:
-    """Weight of each measurement in 1/m^2, 0 for one that is not there, (N + 1, 1)."""
+    """Weight of each measurement in 1/m^2, 0 for a missing one, (N + 1, 1)."""
     return s.heard * reciprocal(variances)
 
 
 def degrees(s: Samples) -> Any:
-    """Degrees of freedom of the residuals of a fix: measurements minus coordinates."""
+    """Degrees of freedom of a fix's residuals: measurements minus coordinates."""
     return ca.sum1(s.heard) - 3
 
 

@@ -1,6 +1,6 @@
-"""A Kalman filter for beacons far apart, each with an error of its own: on the bottom, or buoys.
+"""A Kalman filter for widely spaced beacons with errors of their own: on the bottom, or buoys.
 
-Every sample is used once, at its own epoch. Ranges may be late; a filter that is wrong starts anew.
+Every sample is used once, at its own epoch. Ranges may be late. A filter that is wrong restarts.
 """
 
 from __future__ import annotations
@@ -22,11 +22,12 @@ from .variables import INITIALISATION
 
 _PRIOR = number_of(INITIALISATION, "prior")
 _MOVED = 0.1
-"""A beacon that has moved by more than this part of its distance is somewhere else."""
+"""A beacon that has moved by more than this fraction of its distance has been relocated."""
 
 
 def _unknown(p: Symbols) -> Any:
-    """Variances of all states before any measurement; those of the diver's place are 0, (n, 1)."""
+    """Variances of all states before any measurement; those of the diver's position are 0, (n,
+    1)."""
     variances = ca.SX.zeros(field.states(p.beacons))
     for i, std in field.prior_stds(p).items():
         variances[i] = std**2
@@ -115,7 +116,7 @@ def _process(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     share = ca.if_else(is_depth, 1, punctual / (punctual + other))
     turned = turn.told(p, x, epoch, innovation, S, punctual + other)
     begins = turned.begins * (is_depth == 0)
-    # A range that is too short is not late: it is read again, by a filter that knows of the turn.
+    # A range that is too short is not late: a filter that knows of the turn reads it again.
     again = begins * (innovation < 0)
     score = lateness.score(p, x.score, share, is_depth == 0)
     anew = (score > lateness.LIMIT) * s.enough * (begins == 0)
@@ -145,11 +146,11 @@ def _process(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
 
 
 def _anchored(x: Symbols, which: Any, known: Any, mean: Any) -> Any:
-    """Where a beacon was said to be at first, or now if it has moved: derivatives are about that.
+    """Reported position of a beacon, first or, if relocated, current: derivatives are taken there.
 
-    About an estimate that changes they would make the filter believe that it sees diver and
-    beacons turn and stretch together, which no range tells (first-estimates Jacobian: G. P. Huang,
-    A. I. Mourikis, S. I. Roumeliotis, Int. J. Robot. Res. 29, 2010, 502-528).
+    Derivatives at a changing estimate would make the filter believe that it observes rotation and
+    scale of diver and beacons together, which no range shows (first-estimates Jacobian: G. P.
+    Huang, A. I. Mourikis, S. I. Roumeliotis, Int. J. Robot. Res. 29, 2010, 502-528).
     """
     first = sum(this * x.anchor[i, :] for i, this in enumerate(which))
     distance = ca.sumsqr(mean[list(POSITION)].T - known)
@@ -176,10 +177,10 @@ def _either(condition: Any, one: Measurement, other: Measurement) -> Measurement
 
 
 def _anew(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
-    """A pass of a fix from the latest receptions: what is common to ranges counts as their noise.
+    """A pass of a fix from the latest receptions; the ranges' common error counts as their noise.
 
-    So the fix is less certain than it might be, and independent of clock and beacons, which begin
-    as unknown as ever.
+    The fix is therefore less certain than it might be, and independent of clock and beacons, which
+    keep their priors.
     """
     s = _samples(x, u)
     place = list(POSITION)

@@ -1,4 +1,4 @@
-"""What a receiver finds on its inputs, and the measurement equations (the paper's z and H).
+"""The samples on a receiver's inputs, and the measurement equations (the paper's z and H).
 
 The measurements are always in the order of the paper's z: the ranges to the N beacons, then the
 depth.
@@ -32,17 +32,18 @@ class Samples:
     epoch
         Their epochs in s, (N + 1, 1).
     beacons
-        The position that goes with each range in m, NED, (N, 3).
+        Beacon position that goes with each range in m, NED, (N, 3).
     mark
-        What changes with each new sample, (N + 1, 1).
+        A value that changes with each new sample, (N + 1, 1).
     heard, new
-        Whether there has been one at all; whether it came after the one last seen, (N + 1, 1).
+        Whether there has been a sample at all; whether one came after the last one seen, (N + 1,
+        1).
     any_new
-        Whether one of them is new.
+        Whether any sample is new.
     newest
         The latest epoch in s.
     enough
-        Whether they suffice for a fix: three ranges and the depth.
+        Whether the samples suffice for a fix: three ranges and the depth.
     """
 
     z: Any
@@ -67,14 +68,14 @@ def initial(p: Symbols, t: Any) -> Values:
 
 
 def samples(p: Symbols, x: Symbols, u: Symbols) -> Samples:
-    """Read the inputs; ``x.seen`` is the mark of the samples already used."""
+    """Read the inputs; ``x.seen`` marks the samples already used."""
     return with_beacons(x, u, ca.if_else(
         p.beacon_position_source == _OWN_PACKET, u.ping_beacon_position, u.packet_beacon_position
     ))
 
 
 def with_beacons(x: Symbols, u: Symbols, beacons: Any) -> Samples:
-    """The same with given positions of the beacons, (N, 3)."""
+    """The same, with given beacon positions, (N, 3)."""
     epoch = ca.vertcat(u.range_epoch, u.depth_epoch)
     mark = ca.vertcat(u.reception_count, u.depth_epoch)
     heard = ca.vertcat(u.reception_count > 0, u.depth_epoch > x.start)
@@ -102,7 +103,7 @@ def noise(p: Symbols) -> Any:
 def distance(position: Any, beacon: Any) -> tuple[Any, Any]:
     """Distance in m from a beacon (row) to a position (column), and its gradient, (3, 1).
 
-    The gradient is the row of the paper's H; on the beacon itself it is 0.
+    The gradient is the row of the paper's H. On the beacon itself it is 0.
     """
     offset = position - beacon.T
     length = ca.sqrt(ca.fmax(ca.sumsqr(offset), 1e-24))

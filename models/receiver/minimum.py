@@ -1,4 +1,4 @@
-"""The minimum of a fix's cost to rounding: far from it accelerated Gauss-Newton, near it Newton."""
+"""The minimum of a fix's cost to rounding: accelerated Gauss-Newton far away, then Newton."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from .least_squares import adjugate, reciprocal, symmetric
 from .measurements import DEPTH, Samples, distance
 
 _NEAR = 0.1
-"""A step below this part of the shortest distance to a beacon may be followed by one of Newton."""
+"""A step below this fraction of the shortest beacon distance may be followed by a Newton step."""
 _DEFINITE = 0.1
-"""Least ratio of the second derivative's leading minors to those of the information."""
+"""Smallest ratio of the leading minors of the second derivative to those of the information."""
 _BEND = 0.75
-"""Largest acceleration, as a part of the step; beyond it the series says nothing."""
+"""Largest acceleration as a fraction of the step; beyond it the series is meaningless."""
 _LAST_OF_NEWTON = 1e-6
-"""Newton's step below this many m is the last: what remains is about its square per m."""
+"""A Newton step below this many m is the last: what remains is about its square, per m."""
 _LAST = 1e-10
 """Any other step below this many m is the last."""
 
@@ -48,12 +48,12 @@ class Tangent:
     Attributes
     ----------
     gradients, bends
-        Of the ranges: the gradient g of each, (N, 3), and w / h, (N, 1). The second derivative of
-        a range h is ``(I - g g') / h``.
+        For the ranges: gradient g of each, (N, 3), and w / h, (N, 1). The second derivative of a
+        range h is ``(I - g g') / h``.
     information, slope
         ``H' W H``, (3, 3), and ``H' W (z - h)``, (3, 1).
     curvature
-        What Newton's matrix has more than the information, (3, 3).
+        Newton's matrix minus the information, (3, 3).
     """
 
     gradients: Any
@@ -65,14 +65,14 @@ class Tangent:
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """Where to go next.
+    """The next step.
 
     Attributes
     ----------
     move
         In m, (3, 1).
     last
-        Whether nothing is left after it that would matter.
+        Whether what remains after it is negligible.
     """
 
     move: Any
@@ -87,7 +87,7 @@ def point(position: Any, s: Samples, weight: Any) -> Point:
 
 
 def choose(condition: Any, one: Point, other: Point) -> Point:
-    """One point where the condition holds, else the other."""
+    """The first point where the condition holds, else the second."""
     return Point(
         ca.if_else(condition, one.position, other.position),
         ca.if_else(condition, one.lengths, other.lengths),
@@ -96,7 +96,7 @@ def choose(condition: Any, one: Point, other: Point) -> Point:
 
 
 def tangent(at: Point, s: Samples, weight: Any) -> Tangent:
-    """Linearise at a point, with the second derivatives beside."""
+    """Linearise at a point, including second derivatives."""
     information, curvature, slope = ca.SX.zeros(3, 3), ca.SX.zeros(3, 3), ca.SX.zeros(3)
     rows, bends, diagonal = [], [], ca.SX(0)
     for i in range(s.count):
@@ -124,12 +124,12 @@ def tangent(at: Point, s: Samples, weight: Any) -> Tangent:
 
 
 def is_near(move: Any, at: Point) -> Any:
-    """Whether the step that led to a point was small against all distances."""
+    """Whether the step to a point was small compared with all distances."""
     return ca.sumsqr(move) < _NEAR**2 * ca.mmin(at.lengths) ** 2
 
 
 def is_safe(t: Tangent) -> Any:
-    """Whether Newton's matrix is safely positive definite where the tangent is."""
+    """Whether Newton's matrix at the tangent is safely positive definite."""
     return _definite(t.information + t.curvature, t.information)
 
 
@@ -141,18 +141,18 @@ def newton(t: Tangent, damping: Any) -> Step:
 
 
 def step(t: Tangent, damping: Any, fresh: Any) -> Step:
-    """The next step where it is not Newton's: a damped one of Gauss and Newton.
+    """The next step where Newton's is not allowed: a damped Gauss-Newton step.
 
     It is accelerated: along a step v a range grows by ``v' (I - g g') v / 2 h`` more than its
-    gradient says, and the same matrix gives the step that makes up for that.
+    gradient predicts, and the same matrix gives the step that compensates for this.
 
     Parameters
     ----------
     t
-        Information and slope of the point to go from.
+        Information and slope of the starting point.
     fresh
-        Whether the gradients and bends of `t` are of that point, too; else there is no second
-        derivative to use.
+        Whether the gradients and bends of `t` belong to that point too; otherwise no second
+        derivative is available.
     """
     cofactors, determinant = _solved(t.information, t.information, damping)
     scale = reciprocal(determinant)
@@ -166,12 +166,12 @@ def step(t: Tangent, damping: Any, fresh: Any) -> Step:
 
 
 def _solved(matrix: Any, information: Any, damping: Any) -> tuple[Any, Any]:
-    """Adjugate and determinant of a matrix that is damped by the information's diagonal."""
+    """Adjugate and determinant of a matrix damped by the information's diagonal."""
     return adjugate(matrix + damping * ca.diag(ca.diag(information)))
 
 
 def _definite(matrix: Any, information: Any) -> Any:
-    """Whether a symmetric matrix is positive definite, by a margin."""
+    """Whether a symmetric matrix is positive definite, with a margin."""
     pairs = zip(_minors(matrix), _minors(information), strict=True)
     first, second, third = (m > _DEFINITE * o for m, o in pairs)
     return first * second * third

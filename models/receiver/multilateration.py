@@ -1,8 +1,8 @@
 """The raw fix: least squares on the latest ranges and depth, the paper's j = 1 of Table 2.
 
 Between passes, ``position`` is the best so far, with its ``information`` and cost (``nis``);
-``step`` is what the next pass tries. Nearly all passes are Newton's. Those that must not be
-(``other``) have a loop of their own: they alone need what is along their step, or where it began.
+``step`` is what the next pass tries. Nearly all passes are Newton's. The others (``other``) have a
+loop of their own: only they need derivatives along their step or at its start.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Val
 
 
 def _improve(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
-    """A pass of Newton; where it must not be one, a pass of another kind is asked for."""
+    """A Newton pass; where Newton's step is not allowed, it asks for a pass of the other kind."""
     tried, there = _at(p, x, u, x.position + x.step)
     better = tried.cost <= x.nis
     newton = better * minimum.is_near(x.step, tried) * minimum.is_safe(there)
@@ -69,7 +69,7 @@ def _improve(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
 
 
 def _improve_otherwise(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
-    """A pass that is none of Newton."""
+    """A pass other than Newton's."""
     tried, there = _at(p, x, u, x.position + x.step)
     _, here = _at(p, x, u, x.position)
     better = tried.cost <= x.nis
@@ -87,7 +87,7 @@ def _improve_otherwise(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -
 
 
 _LESS, _MORE = 0.01, 100
-"""What the damping is multiplied by after a pass that was better, and after one that was not."""
+"""Factors on the damping after a pass that reduced the cost, and after one that did not."""
 
 
 def _at(
@@ -103,7 +103,8 @@ def _at(
 def _after(
     x: Symbols, at: minimum.Point, tangent: minimum.Tangent, step: minimum.Step, damping: Any
 ) -> Values:
-    """The states after a pass; the cost after the last step is what it was less slope' step."""
+    """The states after a pass; the cost after the last step is the previous one less slope'
+    step."""
     gain = ca.if_else(step.last, ca.dot(tangent.slope, step.move), 0)
     return {
         "position": at.position + ca.if_else(step.last, step.move, 0),

@@ -1,4 +1,4 @@
-"""The platform's pose as a packet says it: by itself, or by the positions of its beacons."""
+"""The platform's pose in a packet, stated directly or implied by the beacons' positions."""
 
 from __future__ import annotations
 
@@ -19,40 +19,40 @@ _REPORTED = number_of(POSE_SOURCE, "reported_pose")
 _OWN = number_of(POSE_SOURCE, "own_beacon")
 _PASSES = 4
 _KNOWN = 0.1
-"""Variance of a heading with which to begin [rad²]."""
+"""Largest variance of a heading to start with [rad²]."""
 _ENOUGH = 12
-"""Number of own positions with which to begin, whatever the heading."""
+"""Number of own positions to start with, whatever the heading."""
 _TURN_VARIANCE = 0.5
-"""Of cos ψ and of sin ψ, if nothing is known of ψ."""
+"""Variances of cos ψ and of sin ψ if ψ is unknown."""
 _UNKNOWN = pi**2 / 3
-"""Variance of a heading of which nothing is known [rad²]."""
+"""Variance of an unknown heading [rad²]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Packet:
-    """What a packet says of the platform.
+    """What a packet says about the platform.
 
     Attributes
     ----------
     is_own
-        Whether it says only where its own beacon is: 0 or 1.
+        Whether it holds only its own beacon's position: 0 or 1.
     place
-        North and east of the reference point, or of that beacon, (2, 1) [m].
+        North and east of the reference point, or of its own beacon, (2, 1) [m].
     body
-        The point of the body frame that `place` is about, (3, 1) [m].
+        The point of the body frame that `place` refers to, (3, 1) [m].
     arm
         Nominal position of the beacon in the body frame, (3, 1) [m].
     heading
-        Reported heading [rad]; there is none if `is_own`.
+        Reported heading [rad]; not available if `is_own`.
     pose
-        The rest.
+        Everything else.
     platform, first_heading, heading_variance
-        Where the reference point is, (2, 1) [m], with which heading [rad], and the variance of that
-        as far as it follows from the beacons' own positions [rad²].
+        Position of the reference point, (2, 1) [m], its heading [rad], and the variance of the
+        heading as far as it follows from own positions [rad²].
     complete
-        Whether that is good enough to begin with. An own position alone is not.
+        Whether these are good enough to start with. A single own position is not.
     own
-        What own positions say so far.
+        State of the own positions so far.
     """
 
     is_own: Any
@@ -70,20 +70,20 @@ class Packet:
 
 @dataclass(frozen=True, slots=True)
 class Own:
-    """What single own positions say of the platform: ŝ_i = q + h b_i, as complex numbers.
+    """What single own positions imply for the platform: ŝ_i = q + h b_i, as complex numbers.
 
-    q = p + g wanders, as the platform and the slow error of its GPS do, and h = exp(j(ψ + e_ψ)) is
-    free in the plane, so that a Kalman filter has no trouble with a heading of which nothing is
-    known. It has the same variance in all directions.
+    q = p + g wanders as the platform and the slow error of its GPS do. h = exp(j(ψ + e_ψ)) is free
+    in the plane, so that a Kalman filter can handle an unknown heading. Its variance is the same in
+    all directions.
 
     Attributes
     ----------
     place, turn
         q and h, (2, 1) each [m], [1].
     place_variance, turn_variance
-        Of each of their parts [m²], [1].
+        Variances of each of their parts [m²], [1].
     shared
-        E[q h*], half of it, (2, 1) [m].
+        Half of E[q h*], (2, 1) [m].
     count
         Number of own positions.
     """
@@ -97,7 +97,7 @@ class Own:
 
     @property
     def states(self) -> dict[str, Any]:
-        """As states of the component."""
+        """The values as states of the component."""
         return {
             "own_place": self.place,
             "own_turn": self.turn,
@@ -109,17 +109,18 @@ class Own:
 
     @property
     def heading_variance(self) -> Any:
-        """Of the direction of h [rad²]: on the unit circle, von Mises of this inverse."""
+        """Variance of the direction of h [rad²]: on the unit circle, von Mises with this
+        inverse."""
         length = ca.sqrt(ca.sumsqr(self.turn))
         return ca.fmin(self.turn_variance / ca.fmax(length, 1e-6), _UNKNOWN)
 
 
 NOTHING = Own(ca.SX.zeros(2), ca.SX.zeros(2), 0, _TURN_VARIANCE, ca.SX.zeros(2), 0)
-"""What own positions say before the first."""
+"""State of the own positions before the first one."""
 
 
 def _times(a: Any, b: Any) -> Any:
-    """a b, of complex numbers as (2, 1)."""
+    """The product a b of complex numbers stored as (2, 1)."""
     return ca.vertcat(a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0])
 
 
@@ -128,7 +129,7 @@ def _conjugate(a: Any) -> Any:
 
 
 def later(x: Symbols, drift: tuple[Any, Any]) -> Own:
-    """The own positions so far, after a place and a heading have wandered."""
+    """The own positions so far, after place and heading have wandered."""
     kept = ca.exp(-drift[1] / 2)
     return Own(
         x.own_place, kept * x.own_turn, x.own_place_variance + drift[0],
@@ -138,7 +139,7 @@ def later(x: Symbols, drift: tuple[Any, Any]) -> Own:
 
 
 def _with(own: Own, z: Any, b: Any, R: Any, there: Any) -> Own:
-    """With one more own position z of a beacon at b, of variance R; the first one makes q."""
+    """Add an own position z of a beacon at b, with variance R. The first one sets q."""
     square, shared, a, d = ca.sumsqr(b), own.shared, own.place_variance, own.turn_variance
     off = z - own.place - _times(own.turn, b)
     S = ca.fmax(a + square * d + 2 * ca.dot(b, shared), 0) + R
@@ -160,11 +161,11 @@ def _with(own: Own, z: Any, b: Any, R: Any, there: Any) -> Own:
 
 
 def fit(points: Any, body: Any) -> tuple[Any, Any]:
-    """Pose that brings body-frame points to where they are reported, in closed form.
+    """Pose that moves body-frame points to their reported positions, in closed form.
 
-    Least squares for the first two columns of the rotation, made orthogonal; the third, which
-    matters where the points are not in one plane, is iterated. Exact for exact points at the first
-    pass if all lie at one depth.
+    The first two columns of the rotation are a least-squares solution, made orthogonal. The third,
+    which matters if the points do not lie in one plane, is iterated. For exact points the first
+    pass is exact if all lie at one depth.
 
     Parameters
     ----------
@@ -174,7 +175,7 @@ def fit(points: Any, body: Any) -> tuple[Any, Any]:
     Returns
     -------
     position, rotation
-        Of the reference point, (3, 1) [m], and body to NED, (3, 3).
+        Position of the reference point, (3, 1) [m], and rotation from body to NED, (3, 3).
     """
     n = points.shape[0]
     center, mean = ca.sum1(points).T / n, ca.sum1(body).T / n
@@ -210,11 +211,11 @@ def read(
     Parameters
     ----------
     which
-        Whether it is the packet of each beacon: 0 or 1, (N, 1).
+        Which beacon sent the packet, one flag per beacon: 0 or 1, (N, 1).
     newest
-        Whether it is the newest packet: the positions of all beacons are of that one only.
+        Whether it is the newest packet. The positions of all beacons belong to that one only.
     before
-        What own positions have said until then.
+        State of the own positions before it.
     """
     def chosen(rows: Any) -> Any:
         return (which.T @ rows).T

@@ -1,4 +1,4 @@
-"""What a receiver declares of itself; each is a module of ``receivers``, found there."""
+"""Declaration of a receiver; each is a module of ``receivers``."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ if TYPE_CHECKING:
     from ..equations import Equations
 
 Beacons = Literal["platform", "buoys", "survey"]
-"""What the errors of the beacons' places are: those of one platform's GPS and IMU, which all share;
-those of a GPS on each buoy; or those of a survey of each."""
+"""Nature of the errors of the beacons' positions: shared, from one platform's GPS and IMU; from a
+GPS on each buoy; or from a survey of each beacon."""
 
 
 @dataclass(frozen=True)
 class ReceiverDeclaration:
-    """A receiver: its variables, its equations, what it is for and what it cannot bear.
+    """A receiver: its variables, its equations, its purpose and its limits.
 
     Attributes
     ----------
     component
-        Its variables.
+        Declaration of its variables.
     purpose
-        What it is for, in a few words.
+        Its purpose, in a few words.
     unfit
-        Beacons that it is not for: what is the matter there, and what to do.
+        Kinds of beacons it is unfit for: what goes wrong there, and what to do.
     equations
-        Makes its equations; None: they are the ``EQUATIONS`` of the module of the receivers' folder
-        that has its name.
+        Makes its equations; None: they are the ``EQUATIONS`` of the module with its name in the
+        receivers' folder.
     place
-        Where it stands in lists, if not by its number.
+        Its place in lists, if not given by its number.
     """
 
     component: Component
@@ -44,7 +44,7 @@ class ReceiverDeclaration:
     def __post_init__(self) -> None:
         if self.unfit and not self.purpose:
             raise ValueError(
-                f"{self.component.name}: must have a purpose, as there is something it is not for"
+                f"{self.component.name}: must have a purpose, as there are beacons it is unfit for"
             )
 
 

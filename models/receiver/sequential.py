@@ -12,8 +12,9 @@ from .estimate import POSITION, STATES, pack, unpack
 from .measurements import DEPTH, distance, noise, samples
 
 _FORGIVEN = 0.5
-"""What a range inside the gate takes back from the score of rejections. Below 1, because a filter
-far off may still accept every second range by chance; above 0.11, where 10 % outliers add up."""
+"""Amount that a range inside the gate subtracts from the score of rejections. Below 1, because a
+filter far off may still accept every second range by chance. Above 0.11, where 10 % outliers add
+up."""
 
 
 def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
@@ -38,7 +39,7 @@ def _unprocessed(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Any:
 
 def _process(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     s = samples(p, x, u)
-    # The oldest one; of equal epochs the depth, so that ranges are linearised at a better state.
+    # The oldest; of equal epochs the depth, so that ranges are linearised at a better state.
     pending = [ca.if_else(s.new[i], s.epoch[i], s.newest + 1) for i in range(s.count + 1)]
     which, epoch = ca.SX(s.count), pending[DEPTH]
     z, beacon = s.z[DEPTH], ca.SX.zeros(1, 3)

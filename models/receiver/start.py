@@ -1,9 +1,9 @@
-"""How `coupled` starts, and starts anew: a fix from the latest receptions alone.
+"""How `coupled` starts and restarts: a fix from the latest receptions alone.
 
-The platform is where the filter has it, the diver unknown. What is common to all ranges, B = β + κρ
-at a distance ρ, is estimated with its prior and eliminated from the equations: with weights w,
+The platform is where the filter has it, the diver is unknown. The common error of all ranges, B = β
++ κρ at a distance ρ, is estimated with its prior and eliminated from the equations. With weights w,
 residuals e and its information 1/σ_B², it is Σwe / W with W = Σw + 1/σ_B². Clock and speed of sound
-then have their parts of it, σ_β²/σ_B² and σ_κ²ρ/σ_B².
+take their shares of it, σ_β²/σ_B² and σ_κ²ρ/σ_B².
 """
 
 from __future__ import annotations
@@ -33,18 +33,18 @@ from .surroundings import (
 )
 
 _FAR_STD = 30.0
-"""Of the diver about the platform, north and east [m], where ranges say nothing."""
+"""Prior of the diver about the platform, north and east [m], where ranges say nothing."""
 _LEAST_OFFSET_STD = 1e-3
-"""What is common to all ranges is never better known than this [m]."""
+"""Smallest standard deviation of the common error of all ranges [m]."""
 
 
 def anew() -> Loop:
-    """The loop that makes a state of the diver from the latest receptions."""
+    """The loop that computes a state of the diver from the latest receptions."""
     return Loop("anew", lambda p, x, u, t: x.passes, _pass)
 
 
 def _placed(p: Symbols, x: Symbols, u: Symbols) -> Samples:
-    """The samples, with the beacons where the filter has them at each epoch."""
+    """The samples, with each beacon where the filter has it at the sample's epoch."""
     s = with_beacons(x, u, u.ping_beacon_position)
     c, sn = ca.cos(x.mean[HEADING]), ca.sin(x.mean[HEADING])
     rows = []
@@ -61,14 +61,14 @@ def _placed(p: Symbols, x: Symbols, u: Symbols) -> Samples:
 
 @dataclass(frozen=True, slots=True)
 class Offset:
-    """What is common to all ranges: the clock's offset, and the speed of sound at the diver.
+    """The common error of all ranges: the clock's offset, and the speed of sound at the diver.
 
     Attributes
     ----------
     variance
         Prior [m²].
     clock, speed
-        Parts of the offset, once it is known, that are β [1] and κ [1/m].
+        Shares of the offset, once it is known, due to β [1] and κ [1/m].
     """
 
     variance: Any
@@ -89,9 +89,9 @@ class Fix:
     cost
         Weighted sum of squared residuals.
     offset, alone
-        The common offset [m], and its variance if the position were known [m²].
+        The common offset [m], and its variance for a known position [m²].
     lean
-        Derivative of the offset with respect to the position, negative, (3, 1).
+        Negative derivative of the offset with respect to the position, (3, 1).
     """
 
     position: Any
@@ -104,7 +104,7 @@ class Fix:
 
 
 def _offset(p: Symbols, length: Any) -> Offset:
-    """The common offset of ranges of some length [m]: β + κ length."""
+    """The common offset of ranges of a given length [m]: β + κ length."""
     speed = p.sound_speed_std**2 * length
     variance = p.clock_std**2 + speed * length + _LEAST_OFFSET_STD**2
     share = reciprocal(variance)
@@ -148,10 +148,10 @@ def _fit(position: Any, platform: Any, s: Samples, weight: Any, prior: Any) -> F
 
 
 def _lateness(p: Symbols, s: Samples, motion: Any) -> Any:
-    """Variance of ranges that may be late, 2πm², if three or more are of about one time [m²].
+    """Added variance of possibly late ranges, 2πm², if three or more share about one time [m²].
 
-    A late one among them goes into bearing and offset, and fits. Where ranges come one after the
-    other, the diver's unknown `motion` [m] since then is most of their noise.
+    A late range among them shifts bearing and offset, and seems to fit. Where ranges arrive one
+    after another, most of their noise is the diver's unknown `motion` [m] in between.
     """
     together = ca.sum1(s.heard[:DEPTH] * (motion[:DEPTH] < p.range_std)) >= 3
     return together * (2 * p.outlier_probability * p.outlier_mean**2)
@@ -196,13 +196,13 @@ def _pass(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
 def _joined(
     p: Symbols, x: Symbols, s: Samples, fix: Fix, offset: Offset, depth_weight: Any
 ) -> tuple[Any, Any]:
-    """The diver of a fix, and the platform of the filter: mean and packed covariance.
+    """The diver from a fix, the platform from the filter: mean and packed covariance.
 
-    The diver goes where the platform goes and turns with its heading, beside the fix's own error.
+    Besides the fix's own error, the diver moves with the platform and rotates with its heading.
     """
     y = fix.position[:2] - x.mean[list(PLATFORM)]
     degrees = ca.fmax(ca.sum1(s.heard[:DEPTH]) - 2, 1)
-    # Samples that disagree count less; that the diver is near does not.
+    # Samples that disagree get less weight. The assumption that the diver is near does not.
     near = ca.diag(ca.SX([1, 1, 0])) / _FAR_STD**2
     doubt = reciprocal(ca.fmax(fix.cost / degrees, 1))
     cofactors, determinant = adjugate(doubt * (fix.information - near) + near)
@@ -221,7 +221,7 @@ def _joined(
     for i in (*POSITION, *fresh):
         for j in range(STATES):
             P[i, j] = P[j, i] = fresh.get(i, 0) if i == j else 0
-    along = ca.SX(2, len(kept))  # the diver's north and east by the kept states
+    along = ca.SX(2, len(kept))  # derivatives of the diver's north and east by the kept states
     for n in range(2):
         along[n, kept.index(PLATFORM[n])] = 1
     along[0, kept.index(HEADING)], along[1, kept.index(HEADING)] = -y[1], y[0]
@@ -230,10 +230,10 @@ def _joined(
     P[list(POSITION[:2]), list(POSITION[:2])] += crossing @ along.T
     P[list(POSITION[:2]), kept] = crossing
     P[kept, list(POSITION[:2])] = crossing.T
-    # Errors: of the offset -lean' of the position's and what its own residuals leave; of the
-    # position by the sensor's bias, which is in the depth reading, and by the platform's depth:
-    # if that and the reading had one error, it would be the diver's; of clock and speed by their
-    # parts of the offset.
+    # Errors. Offset: -lean' times the error of the position, plus what its own residuals leave.
+    # Position: the sensor's bias, through the depth reading, and the platform's depth. An error
+    # common to the platform and the reading would be the diver's. Clock and speed: their shares of
+    # the offset.
     by_depth = own[:, 2] * (doubt * depth_weight)
     by_bias = -own[:, 2] * (doubt * depth_weight * p.depth_bias_std**2)
     P[list(POSITION), DEPTH_BIAS], P[DEPTH_BIAS, list(POSITION)] = by_bias, by_bias.T

@@ -1,7 +1,7 @@
-"""What happens to a state between two times, in terms that its past can follow.
+"""What happens to a state between two times, in a form that its past can follow.
 
-An error of the state goes through sparse maps, and is corrected by scalar measurements. Whatever is
-correlated with it, as it was at a time before, follows (`Delayed`).
+The error of the state passes through sparse maps and is corrected by scalar measurements. Anything
+correlated with it, such as the state at an earlier time, follows (`Delayed`).
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from .least_squares import symmetric
 
 @dataclass(frozen=True, slots=True)
 class Map:
-    """A linear map of the state's error: the identity but for some elements, by row and column."""
+    """A linear map of the state's error: the identity except for some elements, by row and
+    column."""
 
     elements: Mapping[tuple[int, int], Any]
 
@@ -31,16 +32,16 @@ class Map:
 
 @dataclass(frozen=True, slots=True)
 class Correction:
-    """A scalar measurement with the row H: mean += αPH', P += β(PH')(PH')'.
+    """A scalar measurement with row H: mean += αPH', P += β(PH')(PH')'.
 
     Attributes
     ----------
     row
         H, by the index of the state.
     crossing
-        PH', before it, (n, 1).
+        PH' before the measurement, (n, 1).
     alpha, beta
-        Factors; both 0 if there is none.
+        Factors; both 0 if there is no measurement.
     """
 
     row: Mapping[int, Any]
@@ -53,7 +54,7 @@ Step = Map | Correction
 
 
 def packed(steps: Sequence[Step]) -> Any:
-    """All numbers of some steps, as a column."""
+    """All numbers of a sequence of steps, as a column."""
     values: list[Any] = []
     for step in steps:
         if isinstance(step, Map):
@@ -64,7 +65,7 @@ def packed(steps: Sequence[Step]) -> Any:
 
 
 def unpacked(steps: Sequence[Step], column: Any) -> list[Step]:
-    """Steps of the same form as some others, with the numbers of a column."""
+    """Steps of the same form as the given ones, with the numbers of a column."""
     at = 0
 
     def taken(n: int) -> Any:
@@ -87,9 +88,10 @@ def unpacked(steps: Sequence[Step], column: Any) -> list[Step]:
 
 @dataclass(frozen=True, slots=True)
 class Delayed:
-    """Some states of a time before: mean (m, 1), covariance (m, m), and that with the state now.
+    """Some states at an earlier time: mean (m, 1), covariance (m, m) and covariance with the state
+    now.
 
-    All that is learnt about the state now corrects them, too, in proportion to `cross`, (m, n).
+    Whatever corrects the state now corrects them too, in proportion to `cross`, (m, n).
     """
 
     mean: Any
@@ -97,7 +99,7 @@ class Delayed:
     cross: Any
 
     def after(self, steps: Sequence[Step]) -> Delayed:
-        """As known after what has happened to the state."""
+        """The delayed states after these steps of the state."""
         known = self
         for step in steps:
             known = known._after(step)

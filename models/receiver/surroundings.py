@@ -1,9 +1,9 @@
 """The model of `coupled`: the diver, the platform, and the errors of their sensors.
 
-Formulas on scalars, written once for two worlds: ``m`` is the module ``casadi`` for the component,
+Formulas on scalars, written once for two uses: ``m`` is the module ``casadi`` for the component and
 ``numpy`` for bounds and smoothers, where a scalar may also be an array. ``p`` has the parameters of
-`sblcosim.models.receiver.receivers.coupled.COMPONENT` as attributes, and ``x`` is a sequence of
-`STATES` scalars. A row of H is a mapping from the indices of states to derivatives.
+`sblcosim.models.receiver.receivers.coupled.COMPONENT` as attributes. ``x`` is a sequence of
+`STATES` scalars. A row of H maps indices of states to derivatives.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ VERTICAL_ERROR = 18
 """g_z [m]: the slow error of the GPS, down."""
 STATES = 19
 LEAST_GPS_STD = 0.01
-"""What a GPS is never better than [m]: packets are rounded."""
+"""Smallest standard deviation of a GPS [m]: packets are rounded."""
 LEAST_HEADING_STD = 1e-3
-"""The same of a heading [rad]."""
+"""Smallest standard deviation of a heading [rad]."""
 LEAST_SOUNDING_STD = 1e-3
-"""The same of a range and of a depth [m]; much less would drown in the rounding of P."""
+"""Smallest standard deviation of a range or depth [m]; much less would be lost in rounding of P."""
 
 Row = Mapping[int, Any]
 
@@ -46,7 +46,7 @@ class Measurement:
     row
         ∂h/∂x by the index of the state.
     variance
-        Of its white noise.
+        Variance of its white noise.
     """
 
     value: Any
@@ -56,16 +56,16 @@ class Measurement:
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """What a packet says of the platform, as far as the filter does not estimate it.
+    """What a packet says about the platform and the filter does not estimate.
 
     Attributes
     ----------
     down
-        Reported position of the reference point, down [m]; what is true is that less g_z.
+        Reported position of the reference point, down [m]; the true one is less by g_z.
     roll, pitch
         Best estimates from the reported ones [rad]; see `tilt`.
     tilt_variance
-        Of each of them [rad²].
+        Variance of each [rad²].
     """
 
     down: Any
@@ -76,7 +76,7 @@ class Pose:
 
 @dataclass(frozen=True, slots=True)
 class Range(Measurement):
-    """A range, with what its second order needs.
+    """A range, with the terms of its second order.
 
     Attributes
     ----------
@@ -94,7 +94,7 @@ class Range(Measurement):
 
 
 def prior_stds(p: Any) -> dict[int, Any]:
-    """Standard deviations of those states that have one before any measurement."""
+    """Standard deviations before any measurement, of the states that have one."""
     return {
         **dict.fromkeys(PLATFORM_VELOCITY, p.platform_velocity_std),
         **dict.fromkeys(GPS_ERROR, p.gps_markov_std),
@@ -114,12 +114,12 @@ Elements = dict[tuple[int, int], Any]
 def white_acceleration(
     q: Any, dt: Any, position: Sequence[int], velocity: Sequence[int]
 ) -> tuple[Elements, Elements]:
-    """Φ without its ones and the upper triangle of Q, of a diver with white acceleration.
+    """Φ without its ones, and the upper triangle of Q, of a diver with white acceleration.
 
     Parameters
     ----------
     q
-        Its density, per axis [m²/s³].
+        Power spectral density per axis [m²/s³].
     position, velocity
         Indices of the states.
     """
@@ -133,7 +133,7 @@ def white_acceleration(
 
 
 def transition(m: Any, p: Any, dt: Any) -> tuple[dict[tuple[int, int], Any], ...]:
-    """Φ and the upper triangle of Q over ``dt`` [s], by row and column; Φ without its ones."""
+    """Φ without its ones, and the upper triangle of Q, over ``dt`` [s], by row and column."""
     phi, Q = white_acceleration(p.acceleration_psd, dt, POSITION, VELOCITY)
     for pairs, std, tau in (
         (zip(PLATFORM, PLATFORM_VELOCITY, strict=True), p.platform_velocity_std,
@@ -166,7 +166,7 @@ def drift(
 ) -> tuple[Any, Any]:
     """Variances by which a transition moves p + g, each part [m²], and ψ + e_ψ [rad²].
 
-    Of a platform, and of errors, that have gone on for long.
+    The platform and the errors are assumed to be stationary.
     """
     def moved(i: int, rate: int, std: Any, error: int, error_std: Any) -> Any:
         gone = 1 - phi[error, error]
@@ -181,13 +181,13 @@ def drift(
 
 
 NEAREST = 1.0
-"""Nearer to the platform than this many m, there is no arc about it."""
+"""Nearer to the platform than this many m, there is no arc."""
 WIDEST = 2.0
-"""Largest variance of a bearing [rad²]: beyond, it is nowhere."""
+"""Largest variance of a bearing [rad²]: beyond it, the bearing is unknown."""
 
 
 def crescent(m: Any, radius: Any, spread: Any, depth: Any) -> tuple[Any, Any, Any]:
-    """Moments of a place at a known distance whose bearing is normal: a banana.
+    """Moments of a position with a known distance and a normal bearing: a banana.
 
     Parameters
     ----------
@@ -199,8 +199,8 @@ def crescent(m: Any, radius: Any, spread: Any, depth: Any) -> tuple[Any, Any, An
     Returns
     -------
     kept, along, across
-        The mean of y is ``kept`` y, and its covariance has these shares of ``radius``² more,
-        towards the platform and at right angles to it.
+        The mean of y is ``kept`` y. Its covariance grows by these shares of ``radius``², towards
+        the platform and at right angles to it.
     """
     # The part of the bearing's variance that the distance does not explain.
     s = spread * m.fmin(m.fmax(1 - depth / m.fmax(spread * radius**2, 1e-12), 0), 1)
@@ -209,7 +209,7 @@ def crescent(m: Any, radius: Any, spread: Any, depth: Any) -> tuple[Any, Any, An
 
 
 def sounding_variance(std: Any) -> Any:
-    """Variance of a range or of a depth of a standard deviation, or of the least one [m²]."""
+    """Variance of a range or depth for a standard deviation, not below the least one [m²]."""
     return (0.5 * (std + LEAST_SOUNDING_STD + absolute(std - LEAST_SOUNDING_STD))) ** 2
 
 
@@ -228,15 +228,15 @@ def heading(m: Any, p: Any, x: Sequence[Any]) -> Measurement:
 def places(
     m: Any, p: Any, x: Sequence[Any], body: Sequence[Any], spread: Any = 0.0
 ) -> tuple[Measurement, ...]:
-    """Reported north and east of a point of the platform.
+    """Reported north and east of a point on the platform.
 
     Parameters
     ----------
     body
         The point, north and east at a heading of 0 [m]; (0, 0) for the reference point.
     spread
-        Variance of the heading that turns it [rad²]. The rows are those of the best linear
-        approximation over that spread, and what it leaves is in the variance.
+        Variance of the heading that rotates it [rad²]. The rows are the best linear approximation
+        over that spread. The variance includes the remainder.
     """
     angle = x[HEADING] + x[HEADING_ERROR]
     c, s = m.cos(angle), m.sin(angle)
@@ -257,7 +257,7 @@ def places(
 
 
 def tilt(p: Any, reported: Any) -> tuple[Any, Any]:
-    """Best estimate of a roll or a pitch from the reported one, and its variance [rad²]."""
+    """Best estimate of a roll or pitch from the reported one, and its variance [rad²]."""
     own, white = p.tilt_std**2, p.imu_tilt_std**2
     trust = own / (own + white + 1e-12)
     return trust * reported, trust * white

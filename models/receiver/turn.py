@@ -1,7 +1,7 @@
 """Whether the diver has turned, which white acceleration hardly allows: a score of ranges.
 
-After a turn the ranges of a narrow noise do not fit. Without a name for that, a filter takes them
-for late ones and goes on as before.
+After a turn, ranges with little noise do not fit. A filter without this test takes them for late
+ones and continues as before.
 """
 
 from __future__ import annotations
@@ -16,25 +16,25 @@ import casadi as ca
 from ..equations import Symbols
 
 _LIMIT = 9.0
-"""Logarithm of the likelihood ratio at which the diver has turned."""
+"""Log-likelihood ratio at which a turn is declared."""
 _SINCE = 3.0
-"""Pauses between ranges since the turn: one range alone seldom tells."""
+"""Assumed age of the turn, in intervals between ranges: one range alone seldom shows a turn."""
 
 
 @dataclass(frozen=True, slots=True)
 class Turn:
-    """What a range says of a turn.
+    """What a range says about a turn.
 
     Attributes
     ----------
     begins
-        Whether it is now taken for one: 0 or 1.
+        Whether a turn is declared now: 0 or 1.
     doubt
-        The score, 0 after a turn.
+        The score; 0 after a turn.
     pause
         Time between the last two epochs of ranges [s].
     since
-        Time in which the diver may have gone elsewhere [s].
+        Assumed time since the turn [s].
     """
 
     begins: Any
@@ -49,11 +49,11 @@ def told(p: Symbols, x: Symbols, epoch: Any, innovation: Any, S: Any, density: A
     Parameters
     ----------
     epoch
-        Of the range [s].
+        Epoch of the range [s].
     innovation, S
-        Its innovation [m], and the variance of that [m²].
+        Innovation [m] and its variance [m²].
     density
-        Of the innovation if there is no turn [1/m].
+        Density of the innovation without a turn [1/m].
     """
     pause = ca.if_else(epoch > x.ranged, epoch - x.ranged, x.pause)
     since = _SINCE * pause
@@ -68,9 +68,9 @@ def told(p: Symbols, x: Symbols, epoch: Any, innovation: Any, S: Any, density: A
 def widened(
     p: Symbols, P: Any, turn: Turn, begins: Any, position: Sequence[int], velocity: Sequence[int]
 ) -> Any:
-    """The covariance if a turn begins: another velocity since then, as unknown as at the start.
+    """The covariance if a turn begins: the velocity since then is as uncertain as at the start.
 
-    Only the upper triangle is changed; each index of a position is less than that of its velocity.
+    Only the upper triangle changes. The index of each position is below that of its velocity.
     """
     P = ca.SX(P)
     more = begins * p.prior_velocity_std**2

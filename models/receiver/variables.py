@@ -1,6 +1,6 @@
-"""What the declarations of receivers are made of: equal ports, and parameters that several have.
+"""Building blocks of the receivers' declarations: common ports, and parameters that several share.
 
-The declarations are in ``receivers``, one module each.
+Each declaration is a module of ``receivers``.
 """
 
 from __future__ import annotations
@@ -58,8 +58,8 @@ MODEL = (
 NOISE = choice("measurement_noise", "Diagonal of R: squares of the standard deviations, or "
                 "literally the standard deviations", MEASUREMENT_NOISE, 1)
 ARRANGEMENT = (
-    choice("pose_source", "What is used of the best pose that a packet has: its own words, the "
-           "positions of all beacons, or that of its own beacon only", POSE_SOURCE, 1),
+    choice("pose_source", "What the receiver uses of the best pose in a packet: the pose itself, "
+           "the positions of all beacons, or only that of its own beacon", POSE_SOURCE, 1),
     parameter("beacon_offset", "Nominal position of each beacon, body frame", "m",
               shape=(BEACONS, 3), start=usual, min=-1e4, max=1e4),
 )
@@ -67,7 +67,7 @@ CHANNEL = (
     parameter("outlier_probability", "Assumed probability that a range is too long", start=0.01,
               min=0.0, max=0.9),
     parameter("outlier_mean", "Assumed mean excess of such a range", "m", start=1.0, min=0.01),
-    parameter("assumed_sound_speed", "Speed of sound with which ranges were formed", "m/s",
+    parameter("assumed_sound_speed", "Speed of sound used to form the ranges", "m/s",
               start=1500.0, min=1.0, max=10000.0),
     parameter("clock_std", "Prior: standard deviation of the clock's offset times the speed of "
               "sound", "m", start=1.35, min=0.0),
@@ -85,11 +85,11 @@ PLATFORM = (
               min=0.0),
     parameter("gps_correlation_time", "GPS: correlation time of the Gauss-Markov error", "s",
               start=120.0, min=0.01, needs=(not_zero("gps_markov_std"),)),
-    parameter("gps_bias_std", "GPS: standard deviation of the constant error; not estimated, added "
-              "to the covariance", "m", start=0.0, min=0.0),
-    parameter("gps_vertical_std", "GPS: standard deviation of the white error of down", "m",
+    parameter("gps_bias_std", "GPS: standard deviation of the constant error; not estimated, but "
+              "added to the covariance", "m", start=0.0, min=0.0),
+    parameter("gps_vertical_std", "GPS: standard deviation of the white error, down", "m",
               start=0.0, min=0.0),
-    parameter("gps_vertical_error_std", "GPS: standard deviation of the slow error of down", "m",
+    parameter("gps_vertical_error_std", "GPS: standard deviation of the slow error, down", "m",
               start=0.0, min=0.0),
     parameter("gps_vertical_error_time", "GPS: correlation time of that error", "s", start=1e6,
               min=0.01, needs=(not_zero("gps_vertical_error_std"),)),
@@ -119,18 +119,18 @@ SYSTEM_TERMINALS = (
 FILTER = (
     *START,
     PSD,
-    parameter("speed_limit", "A diver estimated to be faster than this is not believed: the "
-              "filter starts anew", "m/s", start=3.0, min=0.1),
+    parameter("speed_limit", "Largest credible speed of the diver; a faster estimate makes the "
+              "filter restart", "m/s", start=3.0, min=0.1),
     *ARRANGEMENT,
     *CHANNEL,
     *PLATFORM,
 )
 
 WITH_BUOYS = (
-    "each buoy has a GPS of its own: its covariance does not fit, and its error is small only if "
+    "each buoy has its own GPS: the covariance does not fit, and the error is small only while "
     "the buoys keep their arrangement; compare it with long_baseline"
 )
-"""What is the matter with buoys where a receiver knows of one platform only."""
+"""The problem of buoys for a receiver that assumes one platform."""
 
 
 def receiver(
@@ -138,7 +138,7 @@ def receiver(
     inputs: Sequence[Variable] = (), outputs: Sequence[Variable] = (),
     terminals: Sequence[Terminal] = (),
 ) -> Component:
-    """A receiver with the ports that all have, for what `inputs` and `outputs` it has besides."""
+    """A receiver with the ports that all have, plus its own `inputs` and `outputs`."""
     return Component(
         name=name,
         number=number,

@@ -1,6 +1,6 @@
-"""What a receiver may assume of the system: parameters of `coupled` from a scenario's own values.
+"""What a receiver may assume about the system: parameters of `coupled` from a scenario's values.
 
-The table in ``models/receiver/README.md`` says which comes from which.
+``models/receiver/README.md`` has a table of their sources.
 """
 
 from __future__ import annotations
@@ -19,12 +19,11 @@ from .packets import pose_source
 
 _ROOT_2, _ROOT_12 = math.sqrt(2), math.sqrt(12)
 _DRIFT_MEMORY = 100.0
-"""A clock that drifts by δ₁ strays in this time [s] as far as the random walk of `clock_walk_psd`
-does."""
+"""In this time [s], a clock with drift δ₁ strays as far as the random walk of `clock_walk_psd`."""
 _LEAST_OUTLIER_PROBABILITY = 0.01
 _MOUNTING_MEMORY = 10.0
-"""An error of a beacon's place counts as the noise that, averaged over twice this time [s], leaves
-as much. Measured: see ``models/receiver/README.md``."""
+"""An error of a beacon's position counts as noise that would be as large after averaging over twice
+this time [s]. Measured: see ``models/receiver/README.md``."""
 _PACKET = ("acoustics.packet_content", "acoustics.packet_resolution_m")
 _ANGLES = (*_PACKET, "acoustics.packet_angle_resolution_deg")
 
@@ -105,12 +104,12 @@ SOURCES: Mapping[str, Sequence[str]] = {
         "platform.gps_vertical_std_m", "acoustics.packet_resolution_m",
     ),
 }
-"""Keys of ``[receiver]``, and the keys that each follows from.
+"""Keys of ``[receiver]``, and the keys that determine each of them.
 
-Those of the first table decide whether anything is known of a component of somebody else.
+The first of these keys' tables decides whether the value is known for a component of others.
 """
 PARAMETERS = frozenset(OF_RECEIVERS[key].name for key in SOURCES)
-"""Names of the parameters with these keys."""
+"""Names of the parameters of these keys."""
 
 
 def assumed(
@@ -118,15 +117,15 @@ def assumed(
 ) -> dict[str, Any]:
     """Keys of ``[receiver]`` and their values, in the units of a scenario file.
 
-    A key of which nothing is known is left out, and a receiver has its own start. Whether it is
-    may depend on a symbol. Then the key is there, and has that start where nothing is known.
+    A key about which nothing is known is left out; the receiver then uses its own start value. If
+    that depends on a symbol, the key is present and takes the start value where nothing is known.
 
     Parameters
     ----------
     target, platform, acoustics
         Tables of the scenario, complete.
     source
-        What the receiver uses of a packet, if the scenario says so: its ``pose_source``.
+        The receiver's ``pose_source``, if the scenario sets it.
     """
     roll, pitch = (platform.roll_amplitude_deg, platform.pitch_amplitude_deg)
     speed = acoustics.assumed_sound_speed_m_s
@@ -170,20 +169,19 @@ def levels(
     system: Mapping[str, Any], target: Any, platform: Any, acoustics: Any, *,
     estimates_clock: bool, knows_arrangement: bool,
 ) -> dict[str, Any]:
-    """What a receiver is told: noises and what is assumed, each as near as the receiver allows.
+    """Noise levels and assumptions given to a receiver, limited to what the receiver accepts.
 
     Parameters
     ----------
     system
-        What is known of what `assumed` says.
+        The known part of what `assumed` returns.
     target, platform, acoustics
-        As of `assumed`.
+        As for `assumed`.
     estimates_clock
-        Whether the receiver estimates its clock. One that does not takes the clock's error for one
-        of the ranges.
+        Whether the receiver estimates its clock. If not, the clock's error counts as range noise.
     knows_arrangement
-        Whether it is told the arrangement. Then it takes ranges for noisier if beacons are not
-        where they should be.
+        Whether the receiver is given the arrangement. If so, misplaced beacons count as range
+        noise.
     """
     noise = acoustics.range_std_m
     if not estimates_clock:
@@ -195,10 +193,10 @@ def levels(
 
 
 def mounting_noise(platform: Any, acoustics: Any) -> Any:
-    """Standard deviation of white noise of a range that is worth the errors of mounting [m].
+    """Standard deviation of white range noise equivalent to the mounting errors [m].
 
-    They are the same in all ranges of a beacon; a filter that takes them for none believes in more
-    than it has, the more often the beacons ping.
+    All ranges of a beacon share its mounting error. A filter that ignores them overestimates its
+    information, the more so the more often beacons ping.
     """
     if not platform.gps_shared:
         return 0.0
@@ -211,12 +209,12 @@ def mounting_noise(platform: Any, acoustics: Any) -> Any:
 
 
 def rounding(platform: Any, acoustics: Any, source: str) -> tuple[Any, Any, Any]:
-    """What rounding adds to a pose: of positions [m], heading and tilt [degrees]; as noise."""
+    """Noise that rounding adds to a pose: in positions [m], heading and tilt [degrees]."""
     step = acoustics.packet_resolution_m / _ROOT_12
     if acoustics.packet_content in PLACED or source != "beacon_positions":
         angle = acoustics.packet_angle_resolution_deg / _ROOT_12
         return step, angle, angle
-    # The pose is fitted to the beacons, each of them rounded by itself.
+    # The pose is fitted to the beacons, each of which is rounded separately.
     rows = beacons_of(platform)
     x, y = rows[0::3], rows[1::3]
     n = len(x)
@@ -228,35 +226,35 @@ def rounding(platform: Any, acoustics: Any, source: str) -> tuple[Any, Any, Any]
 
 
 def _with(rounded: Any, *stds: Any) -> Any:
-    """Root of the sum of squares; nothing is touched where nothing is rounded."""
+    """Root of the sum of squares; without rounding, the exact value unchanged."""
     exact = stds[0] if len(stds) == 1 else hypot(*stds)
     return where(rounded > 0, hypot(*stds, rounded), exact)
 
 
 def _known(key: str, condition: Any, value: Any) -> dict[str, Any]:
-    """A key of which something is known on a condition."""
+    """A key whose value is known only if a condition holds."""
     if symbolic(condition):
         return {key: where(condition, value, start_of(key))}
     return {key: value} if condition else {}
 
 
 def _heading_error(platform: Any) -> dict[str, Any]:
-    """What the IMU's heading is off by for long."""
+    """The long-lasting error of the IMU's heading."""
     slow = hypot(platform.imu_heading_bias_deg, platform.imu_heading_turn_on_std_deg,
                  platform.imu_heading_step_deg)
     markov = platform.imu_heading_markov_std_deg
     return {
         "imu_heading_error_std_deg": hypot(slow, markov),
-        # What never changes outlasts what does.
+        # A constant part outlasts one that changes.
         **_known("imu_heading_error_time_s", markov > slow, platform.imu_correlation_time_s),
     }
 
 
 def _vertical_error(platform: Any) -> dict[str, Any]:
-    """What the GPS's down is off by for long."""
+    """The long-lasting vertical error of the GPS."""
     markov = platform.gps_vertical_markov_std_m
     error = hypot(markov, platform.gps_vertical_bias_std_m, platform.gps_antenna_offset_m[2])
-    # One process for a constant part and one that wanders: it wanders as fast.
+    # One process for a constant and a wandering part: it wanders as fast as the two together.
     time = platform.gps_correlation_time_s * ratio(error, markov) ** 2
     return {
         "gps_vertical_error_std_m": error, **_known("gps_vertical_error_time_s", markov > 0, time)
@@ -264,7 +262,7 @@ def _vertical_error(platform: Any) -> dict[str, Any]:
 
 
 def _of_each_beacon(platform: Any, acoustics: Any) -> dict[str, Any]:
-    """What is wrong with where each beacon is said to be, if all have errors of their own."""
+    """Errors of the reported beacon positions if each beacon has its own."""
     survey = platform.mounting_std_m if platform.gps_shared else 0.0
     horizontal, vertical = (
         hypot(
@@ -285,7 +283,7 @@ def _of_each_beacon(platform: Any, acoustics: Any) -> dict[str, Any]:
 
 
 def clock(acoustics: Any) -> dict[str, Any]:
-    """How far the clock is off at the start, and how it strays from there."""
+    """Clock error at the start, and how it grows from there."""
     delay = acoustics.processing_delay_s - acoustics.processing_delay_correction_s
     drift, drift_std = acoustics.clock_drift_s_s, acoustics.clock_drift_std_s_s
     age, speed = acoustics.clock_sync_age_s, acoustics.assumed_sound_speed_m_s
@@ -297,7 +295,7 @@ def clock(acoustics: Any) -> dict[str, Any]:
 
 
 def _motion(platform: Any, axes: Sequence[str], std: str, time: str) -> dict[str, Any]:
-    """RMS rate per axis of some sinusoids, and the correlation time that goes with it [s]."""
+    """RMS rate per axis of sinusoids, and the matching correlation time [s]."""
     place: Any = 0.0
     rate: Any = 0.0
     for axis in axes:

@@ -1,4 +1,4 @@
-"""Where the beacons of a platform are."""
+"""Positions of the beacons on a platform."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ..ports import BEACONS
 
 
 def arranged(beacon_m: Any) -> dict[str, Any]:
-    """Keys of ``[platform]`` that follow from beacons that are given, or are not: None."""
+    """Keys of ``[platform]`` that follow from whether beacons are given (or None)."""
     if beacon_m is None:
         return {"beacons": int(BEACONS)}
     return {"beacons": len(beacon_m) // 3, "arrangement": "given"}

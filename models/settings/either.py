@@ -1,10 +1,10 @@
-"""Elementary functions of numbers or of CasADi's symbols.
+"""Elementary functions of numbers or CasADi symbols.
 
-Numbers go to `math` and to Python's own operators, so their bits are those of plain Python, and
-CasADi is not imported. The type decides: `math.sqrt` of a symbol is NaN and no error.
+Numbers go to `math` and Python's operators, so the bits are those of plain Python and CasADi is not
+imported. The type decides, because `math.sqrt` of a symbol is NaN instead of an error.
 
-A root has no derivative where it is 0. Here the derivative of a symbol is 0 there and not NaN. So
-the derivative of its square, a variance, is right.
+A root has no derivative at 0. Here a symbol's derivative is 0 there instead of NaN, so that the
+derivative of its square, a variance, is right.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 
 
 def symbolic(*values: Any) -> bool:
-    """Whether one of some values is an expression of CasADi."""
+    """Whether any of the values is a CasADi expression."""
     for value in values:
         kind = type(value)
         if kind is not float and kind is not int and kind.__module__.startswith("casadi."):
@@ -23,7 +23,7 @@ def symbolic(*values: Any) -> bool:
 
 
 def sqrt(value: Any) -> Any:
-    """Square root of a value that is not negative."""
+    """Square root of a nonnegative value."""
     if not symbolic(value):
         return math.sqrt(value)
     import casadi as ca
@@ -40,12 +40,12 @@ def hypot(*values: Any) -> Any:
 
 
 def degrees(value: Any) -> Any:
-    """An angle in radians, in degrees."""
+    """Radians to degrees."""
     return value * (180.0 / math.pi) if symbolic(value) else math.degrees(value)
 
 
 def radians(value: Any) -> Any:
-    """An angle in degrees, in radians."""
+    """Degrees to radians."""
     return value * (math.pi / 180.0) if symbolic(value) else math.radians(value)
 
 
@@ -59,7 +59,7 @@ def greatest(first: Any, second: Any) -> Any:
 
 
 def clipped(value: Any, low: float, high: float) -> Any:
-    """The value from ``low`` to ``high`` that is nearest."""
+    """The value, clipped to the interval from ``low`` to ``high``."""
     if not symbolic(value):
         return value if low <= value <= high else min(max(value, low), high)
     import casadi as ca
@@ -77,9 +77,9 @@ def both(first: Any, second: Any) -> Any:
 
 
 def where(condition: Any, value: Any, otherwise: Any) -> Any:
-    """One of two values.
+    """The first value where the condition holds, else the second.
 
-    Both are worked out, so neither may be NaN or infinite: a symbol's derivative would be NaN.
+    Both are evaluated, so neither may be NaN or infinite: the derivative of a symbol would be NaN.
     """
     if not symbolic(condition):
         return value if condition else otherwise

@@ -1,6 +1,6 @@
 """From keys of a scenario to parameters of the FMUs: units, bounds and starts.
 
-A key has the value of a parameter in the unit of its suffix: angles are in degrees, choices are
+A key holds the value of a parameter in the unit of its suffix: angles are in degrees, choices are
 names, arrays are flat, row by row.
 """
 
@@ -24,7 +24,7 @@ OF_RECEIVERS: Mapping[str, Variable] = {
 
 
 def is_list(variables: Iterable[Variable], variable: Variable) -> bool:
-    """Whether an array has a capacity and a separate count."""
+    """Whether an array has a fixed capacity and a separate count."""
     return any(v.name == f"{variable.name.removesuffix('_time')}_count" for v in variables)
 
 
@@ -50,7 +50,7 @@ def _range(unit: str | None, low: float | None, high: float | None) -> tuple[flo
 
 
 def within(variable: Variable, value: Any) -> Any:
-    """A value of a scenario file, or the nearest that the declaration allows."""
+    """The value of a scenario file, clipped to the bounds of the declaration."""
     low, high = _range(variable.unit, variable.min, variable.max)
     if variable.shape:
         return tuple(either.clipped(v, low, high) for v in value)
@@ -64,7 +64,7 @@ def in_si(variable: Variable, value: Any) -> Any:
 
 
 def to_si(variable: Variable) -> Callable[[Any], Any] | None:
-    """What `in_si` does to values of a variable; None if they stay as they are."""
+    """The conversion that `in_si` applies to values of a variable; None if they stay unchanged."""
     scalar: Callable[[Any], Any] | None = None
     if variable.choices is not None:
         scalar = partial(number_of, variable.choices)
@@ -72,7 +72,7 @@ def to_si(variable: Variable) -> Callable[[Any], Any] | None:
         scalar = either.radians
     if not variable.shape:
         return scalar
-    # Of the beacons as many as there are: the declaration at hand may be for others.
+    # The number of beacons may vary: the declaration at hand may be for another number.
     beacons = variable.rows is not None and variable.rows.name == BEACONS.name
     rest = () if beacons else variable.starts
 
@@ -97,13 +97,13 @@ def default(component: Component, variable: Variable) -> Any:
 
 @cache
 def starts(component: str, beacons: int) -> Mapping[str, Any]:
-    """Default values of a component's parameters, made for so many beacons."""
+    """Default values of a component's parameters, for this number of beacons."""
     of = declared(component, beacons=beacons)
     return MappingProxyType({v.key: default(of, v) for v in of.of("parameter")})
 
 
 @cache
 def start_of(key: str) -> Any:
-    """What our receivers take for a key that nobody gives: all that have it take the same."""
+    """Value that our receivers use for a missing key. All that have the key use the same."""
     receiver = next(r for r in RECEIVERS.values() if key in {v.key for v in r.of("parameter")})
     return default(receiver, OF_RECEIVERS[key])

@@ -1,4 +1,4 @@
-"""What packets say, and how exactly."""
+"""What packets hold, and how exactly."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from ..acoustics.contents import CONTENTS
 from ..acoustics.packet import finest
 
 DEFAULT = "everything"
-"""What packets say where nothing is said of it."""
+"""Default content of packets."""
 KEYS = ("packet_resolution_m", "packet_angle_resolution_deg")
-"""Keys of ``[acoustics]`` that round what a packet says."""
+"""Keys of ``[acoustics]`` that round the contents of a packet."""
 
 
 def pose_source(content: str) -> str:
-    """What a receiver uses of such packets, as the key ``pose_source``."""
+    """What a receiver uses of such packets, as a value of the key ``pose_source``."""
     return CONTENTS[content].pose_source
 
 
@@ -20,14 +20,14 @@ def resolutions(
     content: str, bits: int, beacons: int,
     resolution: float | None = None, angle_resolution: float | None = None,
 ) -> dict[str, float]:
-    """Keys of ``[acoustics]`` that follow from ``packet_bits``; none if nothing fits.
+    """Keys of ``[acoustics]`` that follow from ``packet_bits``; none if no resolution fits.
 
     Parameters
     ----------
     content, bits, beacons
-        What a packet says, how many bits it has, and the number of beacons.
+        Content of a packet, its number of bits, and the number of beacons.
     resolution, angle_resolution
-        One that is given [m, degrees].
+        A resolution that is given [m, degrees].
     """
     found = finest(content, bits, beacons, resolution, angle_resolution)
     return dict(zip(KEYS, found, strict=True)) if found else {}

@@ -1,4 +1,4 @@
-"""The parameters of a receiver's model, as what is possible is worked out with them."""
+"""The parameters of a receiver's model, used to compute what is possible."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ _START = ("prior_position_std_m", "prior_velocity_std_m_s", "initialisation")
 
 
 def of_receiver(receiver: Component, keys: Mapping[str, Any]) -> dict[str, Any]:
-    """Parameters of a receiver by name, in SI units: its starts, or what some keys say.
+    """Parameters of a receiver by name, in SI units: start values, or the values of given keys.
 
     Parameters
     ----------
     keys
-        Of ``[receiver]``; those that this receiver does not have are ignored.
+        Keys of ``[receiver]``. Those that this receiver does not have are ignored.
     """
     return {
         v.name: in_si(v, keys[v.key]) if v.key in keys else v.starts if v.shape else v.starts[0]
@@ -32,18 +32,19 @@ def of_model(
     receiver: Component, assumed: Mapping[str, Any], tables: Any, share: Any,
     acceleration_psd: Any = None,
 ) -> SimpleNamespace:
-    """Parameters of a receiver, by name and in SI units, as a scenario's true values say.
+    """Parameters of a receiver by name, in SI units, from a scenario's true values.
 
     Parameters
     ----------
     assumed
-        Keys of ``[receiver]`` that follow from the system, see `assumptions.levels`.
+        Keys of ``[receiver]`` that follow from the system; see `assumptions.levels`.
     tables
         Has the tables ``target``, ``platform``, ``acoustics`` and ``receiver`` as attributes.
     share
-        What outliers leave of the information in a range, 0 to 1.
+        Share of the information in a range that remains despite outliers, 0 to 1.
     acceleration_psd
-        q of the motion [m²/s³], unless it is drawn from the model; None: that of the receiver.
+        q of the motion [m²/s³], for a motion that is not drawn from the model; None: the
+        receiver's.
     """
     target, acoustics = tables.target, tables.acoustics
     given = {key: getattr(tables.receiver, key) for key in _START}

@@ -1,4 +1,4 @@
-"""How many points a path has: keys that follow from arrays."""
+"""Number of points of a path: keys that follow from arrays."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Any
 
 
 def counts(target: Any) -> dict[str, int]:
-    """Keys of ``[target]`` that follow from the points that are given."""
+    """Keys of ``[target]`` that follow from the given points."""
     found = {}
     if target.waypoint_m:
         found["waypoint_count"] = len(target.waypoint_m) // 3

@@ -1,6 +1,6 @@
 """Keys that set other keys of their table: grades of sensors, the sea.
 
-Their numbers, and where these are from, stand beside the equations that they are for.
+Their numbers and the sources of these are next to the equations that use them.
 """
 
 from __future__ import annotations
@@ -14,23 +14,23 @@ from ..preset import Preset
 from .keys import in_file_units
 
 MODULES = ("platform.beaufort", "platform.imu", "platform.gps", "acoustics.clock")
-"""Modules of the models that declare one, in the order of the keys."""
+"""Modules of the models that declare a preset, in the order of the keys."""
 _FOUND: Sequence[Preset] = [import_module(f"sblcosim.models.{it}").PRESET for it in MODULES]
 DECLARED: Mapping[str, Preset] = {it.name: it for it in _FOUND}
-"""By the names of their keys."""
+"""Presets by the name of their key."""
 PRESET_TABLES: Mapping[str, str] = {name: it.table for name, it in DECLARED.items()}
-"""Keys that set other keys of the same table, and that table."""
+"""Keys that set other keys of the same table, and the name of that table."""
 PRESET_VALUES: Mapping[str, Collection[Any]] = {name: it.values for name, it in DECLARED.items()}
-"""Keys that set other keys, and all values that they may have."""
+"""Keys that set other keys, and all values they accept."""
 
 
 def preset(name: str, value: Any) -> dict[str, Any]:
-    """Keys that a preset sets in its table, and their values.
+    """Keys and values that a preset sets in its table.
 
     Raises
     ------
     KeyError
-        There is no such preset, or it has no such value.
+        There is no such preset, or it does not accept the value.
     """
     it = DECLARED[name]
     known = COMPONENTS[it.table]

@@ -1,4 +1,4 @@
-"""Intervals that follow from others."""
+"""Intervals derived from others."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def update_interval(sampling_time_s: Any, ekf_ratio: int) -> Any:
     Parameters
     ----------
     sampling_time_s
-        Of the sensors [s]. A number is a whole count of nanoseconds, and so is the result.
+        Sampling time of the sensors [s]. A number is a whole count of nanoseconds, and so is the
     ekf_ratio
         Sampling times per update.
     """

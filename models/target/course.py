@@ -1,4 +1,4 @@
-"""What courses are written with."""
+"""Building blocks of courses."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 from ..symbols import Symbols, Values, ca
 
 TOLERANCE = 2e-9
-"""Time by which a change of leg may come early [s], so that rounding of t has no effect."""
+"""How early a leg may end [s], so that rounding of t has no effect."""
 
 TINY = 1e-300
 """Avoids a zero denominator where the numerator is zero too."""
@@ -19,7 +19,7 @@ def under_way(p: Symbols, x: Symbols, t: Any) -> Any:
 
 
 def clip(value: Any, upper: Any) -> Any:
-    """The value, from 0 to `upper`."""
+    """The value, clipped to the interval from 0 to `upper`."""
     return ca.fmin(ca.fmax(value, 0), upper)
 
 
@@ -29,7 +29,7 @@ def bearing(angle: Any) -> Any:
 
 
 def circle(p: Symbols, x: Symbols, s: Any) -> tuple[Any, Any]:
-    """About the centre, from the bearing `heading` on; ``course(p, x, s)``."""
+    """A course about the centre that starts at the bearing `heading`; ``course(p, x, s)``."""
     radial = bearing(p.heading + s / p.radius)
     return p.center + p.radius * radial, ca.vertcat(-radial[1], radial[0])
 
@@ -40,7 +40,7 @@ def legs(p: Symbols, x: Symbols, s: Any) -> tuple[Any, Any]:
 
 
 def leg_ended(p: Symbols, x: Symbols, t: Any) -> Any:
-    """Whether the diver is at the end of the leg."""
+    """Whether the diver has reached the end of the leg."""
     return clip(x.rate * (under_way(p, x, t) + TOLERANCE), x.length) >= x.leg_end
 
 
@@ -73,5 +73,5 @@ def states(p: Symbols, t: Any, length: Any, drop: Any = 0, **rest: Any) -> Value
 
 
 def where(condition: Any, x: Symbols, changes: Values) -> Values:
-    """Changes of states, made where a condition holds."""
+    """Changes of states that apply if a condition holds."""
     return {name: ca.if_else(condition, value, getattr(x, name)) for name, value in changes.items()}

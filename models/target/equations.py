@@ -1,4 +1,4 @@
-"""Equations of the Target: paths in closed form, and the depth sensor; a set per trajectory."""
+"""Equations of the Target: paths in closed form, and the depth sensor; one set per trajectory."""
 
 from __future__ import annotations
 

@@ -45,7 +45,7 @@ def at_constant_speed(course: Course) -> Callable[[Symbols, Symbols, Any], tuple
 
 
 def _descending(horizontal: Course) -> Course:
-    """Add to a horizontal course a depth that is linear in the distance covered."""
+    """Add a depth that is linear in the distance covered to a horizontal course."""
 
     def course(p: Symbols, x: Symbols, s: Any) -> tuple[Any, Any]:
         point, tangent = horizontal(p, x, s)
@@ -68,7 +68,7 @@ def equations(
     node: Loop = _never("node"),  # noqa: B008
     rows: Sequence[Row] = (),
 ) -> Equations:
-    """The equations of a motion: ``motion(p, x, t)`` is its position [m] and velocity [m/s]."""
+    """Equations of a motion: ``motion(p, x, t)`` gives its position [m] and velocity [m/s]."""
 
     def start(p: Symbols, w: Symbols, t: Any) -> Values:
         bias = p.depth_bias + p.depth_bias_std * w.depth_bias
@@ -97,7 +97,7 @@ def equations(
 
 
 def horizontal(course: Course, length: Callable[[Symbols], Any]) -> Equations:
-    """The equations of a course, at constant speed, with a depth that changes evenly."""
+    """Equations of a course at constant speed, with a depth that changes linearly."""
 
     def initial(p: Symbols, w: Symbols, t: Any) -> Values:
         return states(p, t, length(p), p.depth_end - p.depth_start)

@@ -1,7 +1,7 @@
-"""The motion through the points of a track: a cubic between each two of them, in every axis.
+"""Motion through the points of a track: cubic interpolation between points, in every axis.
 
-Formulas written once for two worlds: ``m`` is the module ``casadi`` for the component, ``numpy``
-for who chooses the points; a number may be a column or an array.
+Formulas written once for two uses: ``m`` is the module ``casadi`` for the component and ``numpy``
+for choosing the points. A number may be a column or an array.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from typing import Any
 def velocity(m: Any, before: Any, after: Any, first: Any, second: Any) -> Any:
     """Velocity at a point between two others [m/s], by Fritsch and Butland (1984).
 
-    The harmonic mean of the mean velocities on both sides, weighted with the durations; 0 where
-    one is 0 or they have opposite signs, so no coordinate leaves the range of its two points.
+    Harmonic mean of the mean velocities on both sides, weighted with the durations. It is 0 if one
+    of them is 0 or their signs differ, so that no coordinate leaves the range of its two points.
 
     Parameters
     ----------
     before, after
-        Steps from the point before and to the one after [m].
+        Steps from the previous point and to the next one [m].
     first, second
         Their durations [s].
     """
@@ -36,11 +36,11 @@ def motion(
     Parameters
     ----------
     tau
-        Share of the time that has passed, 0 to 1.
+        Fraction of the time that has passed, 0 to 1.
     duration
-        From point to point [s], more than 0.
+        Time from point to point [s], positive.
     begin, step
-        The first point, and the second one minus the first [m].
+        The first point, and the second minus the first [m].
     first, last
         Velocities at both [m/s].
     """

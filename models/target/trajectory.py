@@ -1,4 +1,4 @@
-"""What a trajectory declares of itself; each is a module of ``trajectories``, found there."""
+"""Declaration of a trajectory; each is a module of ``trajectories``."""
 
 from __future__ import annotations
 
@@ -15,35 +15,35 @@ if TYPE_CHECKING:
     from ..equations import Equations
 
 Course = Callable[[Symbols, Symbols, Any], tuple[Any, Any]]
-"""``course(p, x, s)``: point at the distance `s` [m], and its derivative with respect to `s`."""
+"""``course(p, x, s)``: point at distance `s` [m], and its derivative with respect to `s`."""
 
 HORIZONTAL = ("speed", "departure_time", "center", "depth_start", "depth_end")
-"""Shared parameters of all courses that are horizontal but for a depth that changes evenly."""
+"""Shared parameters of all courses that are horizontal except for a linear change of depth."""
 
 
 @dataclass(frozen=True)
 class Trajectory:
-    """A motion of the diver: a horizontal course and its length, or equations of its own.
+    """A motion of the diver: a horizontal course and its length, or its own equations.
 
     Attributes
     ----------
     number
         Its value in the FMU; never reused.
     takes
-        Names of parameters that are shared, or another trajectory's own.
+        Names of parameters that are shared, or that another trajectory declares.
     parameters
-        Its own. What they need is said of other parameters only: that the trajectory takes them
-        is known.
+        Its own parameters. Their requirements name other parameters only: the trajectory itself is
+        added.
     course, length
-        Of a horizontal course: points [m], and the length of the whole, ``length(p)`` [m].
+        For a horizontal course: its points [m], and its total length, ``length(p)`` [m].
     equations
-        Makes the equations of a motion that is no such course.
+        Makes the equations of a motion that is not such a course.
     draws
-        Random numbers of its own, for all trajectories alike, besides those that all have.
+        Additional random numbers, available to all trajectories alike.
     random
-        Whether it is drawn anew in each run: always, never, or where one of these is not zero.
+        Whether each run draws it anew: always, never, or if one of these parameters is not zero.
     place
-        Where its own parameters stand among those of the others, if not by its number.
+        Place of its own parameters among those of the others, if not given by its number.
     """
 
     number: int
@@ -64,10 +64,10 @@ class Trajectory:
 
     @property
     def all(self) -> frozenset[str]:
-        """Names of all parameters that it takes."""
+        """Names of all parameters that it uses."""
         return frozenset((*self.takes, *(v.name for v in self.parameters)))
 
 
 def numbered(trajectories: Mapping[str, Trajectory]) -> Mapping[str, Trajectory]:
-    """Trajectories in the order of their numbers, as `in_order` says."""
+    """Trajectories in the order of their numbers; see `in_order`."""
     return in_order("trajectories", trajectories)

@@ -23,7 +23,7 @@ from .trajectories import FOUND
 from .trajectories.file import TRACK_POINTS as TRACK_POINTS
 
 TRAJECTORIES: Mapping[int, str] = {it.number: name for name, it in FOUND.items()}
-"""Their names, by number."""
+"""Names of the trajectories, by number."""
 
 _SHARED = (
     parameter("speed", "Speed along the path, in space", "m/s", start=0.5, min=0.0, max=20.0),
@@ -37,21 +37,21 @@ _SHARED = (
     parameter("depth_start", "Depth at the beginning of the path", "m", start=5.0, min=0.0,
               max=11000.0),
     parameter("depth_end", "Depth at the end of the path; in between it changes in proportion "
-              "to the distance gone", "m", start=5.0, min=0.0, max=11000.0,
+              "to the distance covered", "m", start=5.0, min=0.0, max=11000.0,
               needs=(not_zero("speed"),)),
 )
-"""Parameters of several trajectories; which, these say themselves."""
+"""Parameters of several trajectories; each trajectory names the ones it uses."""
 
 
 def _on(*trajectories: str) -> tuple[Condition, ...]:
-    """The condition that the trajectory is one of these; none if there are none."""
+    """The condition that the trajectory is one of these; empty if none is given."""
     return (is_one_of("trajectory", TRAJECTORIES, *trajectories),) if trajectories else ()
 
 
 def _where_taken(variable: Variable) -> Variable:
     """A parameter with the trajectories that it needs.
 
-    What it needs besides holds for trajectories that take the parameter which that is on.
+    Its other requirements apply only to trajectories that use the parameter they refer to.
     """
     takers = {name: it.all for name, it in FOUND.items() if variable.name in it.all}
 
@@ -68,7 +68,7 @@ def _of_trajectories() -> tuple[Variable, ...]:
     Raises
     ------
     ValueError
-        A trajectory takes one that nobody declares.
+        A trajectory uses a parameter that nobody declares.
     """
     ordered = sorted(FOUND.values(), key=lambda it: it.number if it.place is None else it.place)
     variables = (*_SHARED, *(v for it in ordered for v in it.parameters))
@@ -83,7 +83,7 @@ def _of_trajectories() -> tuple[Variable, ...]:
 
 
 def _random() -> Iterator[tuple[Condition, ...]]:
-    """What must hold for anything to be random, as groups of which each must hold somewhere."""
+    """Requirements for anything to be random; in each group, at least one condition must hold."""
     sensor = not_zero("depth_std", "depth_bias_std")
     drawn = {name: it.random for name, it in FOUND.items() if it.random}
     yield (*sensor, *_on(*drawn))
@@ -106,7 +106,7 @@ COMPONENT = Component(
         parameter("depth_std", "Standard deviation of the depth sensor's white noise", "m",
                   start=0.1, min=0.0),
         parameter("depth_bias", "Constant error of the depth sensor, the same in every run", "m"),
-        parameter("depth_bias_std", "Standard deviation of what a run adds to that error", "m",
+        parameter("depth_bias_std", "Standard deviation of the error that each run adds to it", "m",
                   min=0.0),
         *ports(MOTION, "output"),
         *ports(DEPTH, "output"),

@@ -1,1 +1,1 @@
-"""What is judged and what it is judged by: records, samples, estimates, truth, each a type."""
+"""The data of judging, one type each: records, samples, estimates, truth."""

@@ -20,7 +20,7 @@ class RunDescription(Shown):
     scenario_name
         Name of the scenario.
     scenario
-        The scenario as run, with defaults filled in: a pydantic model or plain data.
+        The scenario as run, with all defaults: a pydantic model or plain data.
     receivers
         Names of the receivers, the main one first.
     fmus
@@ -45,7 +45,7 @@ class RunDescription(Shown):
         return f"of {self.scenario_name}: {', '.join(self.receivers)}"
 
     def manifest(self) -> dict[str, Any]:
-        """The part of the folder's manifest that describes the run; equal for equal runs."""
+        """The part of the folder's manifest that describes the run; the same for equal runs."""
         scenario = self.scenario
         if hasattr(scenario, "model_dump"):
             scenario = scenario.model_dump(mode="json")

@@ -1,4 +1,4 @@
-"""Estimates: what a receiver, or an estimator after a run, says of where the diver was."""
+"""Estimates: positions of the diver from a receiver, or from an estimator after a run."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ Flags = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Estimates(Shown):
-    """Estimates of one receiver or estimator, each once; what it does not say is None.
+    """Estimates of one receiver or estimator, each once; quantities that it does not give are None.
 
     Attributes
     ----------
     epoch_ns
-        Time to which each estimate refers [ns]; shape (m,). `sblcosim.data.record.NEVER` marks one
-        that is no time.
+        Time to which each estimate refers [ns]; shape (m,). `sblcosim.data.record.NEVER` marks an
+        invalid time.
     position
         NED [m]; shape (m, 3).
     available_ns
-        First communication instant at which it could be read [ns]; shape (m,). None: it was made
-        after the run.
+        First communication instant at which it could be read [ns]; shape (m,). None: the estimates
+        were made after the run.
     update_count
         Number of valid estimates so far; shape (m,).
     velocity, position_std
@@ -38,8 +38,8 @@ class Estimates(Shown):
     nis, nis_degrees
         Normalised innovation squared and the number of scalar measurements in it; shape (m,).
     relative_position, relative_covariance
-        Position minus that of the platform, by the receiver's own account [m]; shape (m, 3); and
-        its covariance [m²]; shape (m, 3, 3).
+        Position minus the platform's position, as the receiver itself estimates it [m]; shape (m,
+        3); and its covariance [m²]; shape (m, 3, 3).
     platform_position
         NED [m]; shape (m, 3).
     clock_offset, sound_speed
@@ -68,7 +68,7 @@ class Estimates(Shown):
         return f"of {len(self)} epochs"
 
     def columns(self) -> dict[str, NDArray[Any]]:
-        """What is known, by name; shape (m, …)."""
+        """The quantities that are given, by name; shape (m, …)."""
         named = {f.name: getattr(self, f.name) for f in fields(self)}
         return {name: values for name, values in named.items() if values is not None}
 

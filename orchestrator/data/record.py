@@ -30,13 +30,13 @@ class Record(Shown):
     Attributes
     ----------
     time_ns
-        Communication instants [ns], the start included; shape (n,).
+        Communication instants [ns], including the start; shape (n,).
     values
-        By ``"component.variable"``, in SI units; shape (n, …). At an instant
-        that is not a component's own, its outputs are those of its previous own instant.
+        By ``"component.variable"``, in SI units; shape (n, …). At an instant that is not the
+        component's own, outputs are those of its previous own instant.
     intervals_ns
-        Communication intervals [ns], by component; all instants are own ones of a component that
-        is not listed.
+        Communication intervals [ns], by component. All instants belong to a component that is not
+        listed.
     failures
         Messages of failures after the last instant, by component.
     """
@@ -61,7 +61,8 @@ class Record(Shown):
         return own
 
     def valid(self, component: str) -> Flags:
-        """Whether a receiver has a fix: its ``valid``, else a positive update count; shape (n,)."""
+        """Whether a receiver has an estimate: its ``valid``, else a positive update count; shape
+        (n,)."""
         if f"{component}.valid" in self.values:
             return self.values[f"{component}.valid"].astype(bool)
         return self.values[f"{component}.update_count"].astype(np.int64) > 0
@@ -120,7 +121,7 @@ class Record(Shown):
 
 
 def frame_of(values: Mapping[str, NDArray[np.generic]]) -> pd.DataFrame:
-    """Arrays of shape (n, …) as a table: a column for each element, ``name[i,j]``, 1-based."""
+    """Arrays of shape (n, …) as a table: one column per element, ``name[i,j]``, 1-based."""
     import pandas as pd
 
     columns: dict[str, NDArray[np.generic]] = {}

@@ -1,4 +1,4 @@
-"""Samples: what the sensors of a diver have given during a dive, wherever it comes from."""
+"""Samples: sensor data of a diver during a dive, from any source."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ NEEDED = (
     "acoustics.range", "acoustics.range_epoch", "acoustics.reception_count",
     "acoustics.ping_beacon_position", "target.depth", "target.depth_epoch",
 )
-"""Outputs of a record without which there are no samples."""
+"""Outputs that a record must have to give samples."""
 _POSE = ("acoustics.ping_platform_position", "acoustics.ping_platform_attitude")
 _ALL = "acoustics.packet_beacon_position"
 _REPORTED = number_of(POSE_SOURCE, "reported_pose")
@@ -40,11 +40,11 @@ class Samples:
     range_ns, beacon, range
         Epochs [ns], indices of beacons from 0, and ranges [m]; shape (m,).
     has_pose
-        Whether the packet has the pose of the platform, or only its own beacon's position; (m,).
+        Whether the packet holds the platform's pose, or only its own beacon's position; (m,).
     position
-        Reported position of the platform's reference point, else of that beacon, NED [m]; (m, 3).
+        Reported position of the platform's reference point or of that beacon, NED [m]; (m, 3).
     attitude
-        Reported roll, pitch, yaw [rad], 0 where there is no pose; (m, 3).
+        Reported roll, pitch, yaw [rad], 0 without a pose; (m, 3).
     """
 
     start_ns: int
@@ -64,14 +64,13 @@ class Samples:
 
     @property
     def has_own_pose(self) -> Flags:
-        """Whether a packet says what no other of its epoch has said before, errors included; (m,).
-        """
+        """Whether a packet adds information to earlier ones of its epoch, errors included; (m,)."""
         again = np.diff(self.range_ns, prepend=self.range_ns[:1] - 1) == 0
         own: Flags = ~(self.has_pose & again)
         return own
 
     def beacon_position(self, body: Floats | None = None) -> Floats:
-        """Where the beacon of each packet says that it is, NED [m]; (m, 3).
+        """Reported position of each packet's beacon, NED [m]; (m, 3).
 
         Parameters
         ----------
@@ -81,14 +80,14 @@ class Samples:
         Raises
         ------
         ConfigurationError
-            A packet tells the pose of the platform, and ``body`` is None.
+            A packet holds the platform's pose, and ``body`` is None.
         """
         position = self.position.copy()
         posed = np.flatnonzero(self.has_pose)
         if len(posed) and body is None:
             raise ConfigurationError(
                 f"body: must be the positions of the beacons on the platform, as {len(posed)} of "
-                f"{len(self.range)} packets tell its pose, got none"
+                f"{len(self.range)} packets hold its pose, got none"
             )
         if body is not None and len(posed):
             turns = transform.Rotation.from_euler("ZYX", self.attitude[posed][:, ::-1])
@@ -96,9 +95,9 @@ class Samples:
         return position
 
     def enough_ns(self) -> int | None:
-        """Epoch from which three beacons and a depth have been heard [ns]; None if there is none.
+        """Epoch at which three beacons and a depth have been heard [ns]; None if there is none.
 
-        As for the receivers that start from the first receptions.
+        The same rule as for receivers that start from the first receptions.
         """
         firsts = sorted(int(self.range_ns[self.beacon == b].min()) for b in set(self.beacon))
         if len(firsts) < 3 or not len(self.depth_ns):
@@ -107,21 +106,22 @@ class Samples:
 
 
 def of_record(record: Record, body: Floats, pose_source: int = _REPORTED) -> Samples:
-    """The samples of a run. Of packets of one beacon between two instants the last one is there.
+    """The samples of a run. Of several packets of a beacon between two instants, only the last is
+    kept.
 
     Parameters
     ----------
     body
         Nominal positions of the beacons, body frame [m]; shape (beacons, 3).
     pose_source
-        Which pose of a packet is taken, as ``pose_source`` of `coupled`: its own words, those of
-        the positions of all beacons, or only its own beacon's position. Where the packet lacks it,
-        the next one.
+        Pose to take from a packet, as ``pose_source`` of `coupled`: the pose itself, the positions
+        of all beacons, or only the own beacon's position. If the packet lacks it, the next one in
+        this order.
 
     Raises
     ------
     ConfigurationError
-        The record has no such outputs.
+        The record lacks these outputs.
     """
     missing = [name for name in NEEDED if name not in record.values]
     if missing:
@@ -158,7 +158,7 @@ def of_record(record: Record, body: Floats, pose_source: int = _REPORTED) -> Sam
 def _poses(
     record: Record, instant: NDArray[np.intp], beacon: NDArray[np.intp], body: Floats, source: int
 ) -> tuple[Flags, Floats, Floats]:
-    """Which packets have a pose, and position and attitude of the platform in them."""
+    """Which packets hold a pose, and the platform's position and attitude in them."""
     n = len(instant)
     there, position, attitude = np.zeros(n, bool), np.zeros((n, 3)), np.zeros((n, 3))
     if source == _OWN:
@@ -177,7 +177,7 @@ def _poses(
 
 
 def pose_of(points: Floats, body: Floats) -> tuple[Floats, Floats]:
-    """The pose that brings body-frame points to where they are reported, by least squares.
+    """Least-squares pose that moves body-frame points to their reported positions.
 
     Parameters
     ----------
@@ -187,7 +187,7 @@ def pose_of(points: Floats, body: Floats) -> tuple[Floats, Floats]:
     Returns
     -------
     position, attitude
-        Of the reference point, NED [m], and roll, pitch, yaw [rad].
+        Position of the reference point, NED [m], and roll, pitch, yaw [rad].
     """
     center, mean = points.mean(axis=0), body.mean(axis=0)
     u, _, vt = np.linalg.svd((points - center).T @ (body - mean))

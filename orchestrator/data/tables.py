@@ -1,7 +1,7 @@
-"""Tables, the columns of each declared once.
+"""Tables, with each column declared once.
 
-From the declarations follow DataFrames and their files, what is printed and what notebooks show,
-the documents that ``--json`` prints with their JSON schemas, and the tables of the reference.
+The declarations define DataFrames and their files, printed tables, notebook views, the documents of
+``--json`` with their JSON schemas, and the tables of the reference.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Number = float | None
-"""Type of a number in JSON, where what is missing or not finite is null."""
+"""Type of a number in JSON; missing or infinite values are null."""
 
 
 @dataclass(frozen=True)
@@ -28,23 +28,23 @@ class TableColumn:
     Parameters
     ----------
     name
-        In DataFrames, files and JSON; it ends with the unit.
+        Name in DataFrames, files and JSON, including the unit at the end.
     description
-        What it is, as the reference and JSON schemas say it.
+        Its meaning, as stated in the reference and in JSON schemas.
     unit
-        Empty for what has none.
+        Empty if it has none.
     heading
-        Over the column, where the table is printed; without one, the column is not printed.
+        Heading of the printed column; columns without one are not printed.
     type
-        In JSON.
+        Type in JSON.
     of
-        Its value, of what a row is made from.
+        Function that computes its value from the object of a row.
     without
-        Its value in a row that is made from no values at all.
+        Its value in a row for no values at all.
     sometimes
         Whether it may be missing.
     in_json
-        Whether JSON has it.
+        Whether JSON includes it.
     """
 
     name: str
@@ -59,25 +59,26 @@ class TableColumn:
 
     @property
     def choices(self) -> tuple[str, ...]:
-        """The values of a column of words."""
+        """The possible values of a column of words."""
         given = (self.type, *get_args(self.type))
         return tuple(word for kind in given for word in get_args(kind) if isinstance(word, str))
 
 
 @dataclass(frozen=True)
 class Columns:
-    """The columns of a table: those that say what a row is about, and the others.
+    """The columns of a table: those that identify a row, and the others.
 
     Attributes
     ----------
     part
         Name of a row in JSON schemas.
     about
-        What a row is, as they say it.
+        What a row describes, in those schemas.
     title, unit
-        Of the table, where it is printed; a heading tells another unit.
+        Title and unit of the printed table; a heading states any other unit.
     more
-        What further columns there are, whose names are not known before, such as those of factors.
+        Description of further columns whose names are not known beforehand, such as those of
+        factors.
     """
 
     part: str
@@ -95,25 +96,25 @@ class Columns:
 
     @property
     def printed(self) -> tuple[TableColumn, ...]:
-        """The columns that are printed."""
+        """Columns that are printed."""
         return tuple(column for column in self.columns if column.heading)
 
     def head(self, name: str) -> str:
-        """What is printed over a column, by its name."""
+        """Printed headings, by name of the column."""
         return next(column.heading for column in self.columns if column.name == name)
 
     def heading(self, column: TableColumn) -> str:
-        """What is printed over a column."""
+        """Printed heading of a column."""
         other = column.unit not in ("", self.unit)
         return f"{column.heading} [{column.unit}]" if other else column.heading
 
     def rows(self, table: pd.DataFrame) -> list[dict[str, Any]]:
-        """Rows of a table as JSON has them; what may be missing and is, is None."""
+        """Rows of a table for JSON; missing values that may be missing are None."""
         kept = [column for column in self.columns if column.in_json]
         idle = {c.name: None for c in kept if c.sometimes and c.name not in table}
         rows: Any = table.assign(**idle)[[column.name for column in kept]].to_dict("records")
         return list(rows)
 
     def row(self, values: Floats) -> dict[str, Any]:
-        """The columns that are functions of values, (m,)."""
+        """Columns computed from values (m,)."""
         return {c.name: c.of(values) if len(values) else c.without for c in self.columns if c.of}

@@ -1,4 +1,4 @@
-"""Truth: where the diver was, and the platform, as far as it is known."""
+"""Truth: true positions of the diver and of the platform, as far as they are known."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ TRUTH = (
     "target.position", "target.velocity", "platform.position", "platform.beacon_position",
     "platform.reported_beacon_position",
 )
-"""Outputs of a record that make its truth."""
+"""Outputs of a record that form its truth."""
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Truth(Shown):
-    """The true motion of a diver, and of the platform where that is known.
+    """True motion of a diver and, if known, of the platform.
 
     Attributes
     ----------
@@ -29,13 +29,13 @@ class Truth(Shown):
     position
         NED [m]; shape (n, 3).
     velocity
-        NED [m/s]; shape (n, 3). None: between two instants the diver goes straight on.
+        NED [m/s]; shape (n, 3). None: the diver moves in a straight line between instants.
     span_ns
         First and last instant of the dive [ns]; None: those of ``time_ns``.
     platform_time_ns
         Instants of the platform's motion [ns], increasing; shape (k,).
     platform_position
-        NED [m]; shape (k, 3); None: unknown, and with it errors relative to the platform.
+        NED [m]; shape (k, 3); None: unknown, and so are errors relative to the platform.
     platform_error
         Mean over the beacons of reported minus true position [m]; shape (k, 3).
 
@@ -72,14 +72,15 @@ class Truth(Shown):
         return int(self.time_ns[-1]) if self.span_ns is None else self.span_ns[1]
 
     def state_at(self, epoch_ns: Integers) -> tuple[Floats, Floats]:
-        """Position and velocity at epochs, as `state_at`; shapes (m, 3); NaN where unknown."""
+        """Position and velocity at epochs, see `state_at`; shapes (m, 3); NaN where unknown."""
         if self.velocity is not None:
             return state_at(self.time_ns, self.position, self.velocity, epoch_ns)
         columns = [np.interp(epoch_ns, self.time_ns, x) for x in self.position.T]
         return np.column_stack(columns), np.full((len(epoch_ns), 3), np.nan)
 
     def platform_at(self, epoch_ns: Integers) -> tuple[Floats, Floats] | None:
-        """Position of the platform and error of its reports at epochs, as held; None if unknown."""
+        """Platform position and error of its reports at epochs, held between instants; None if
+        unknown."""
         time, position, error = self.platform_time_ns, self.platform_position, self.platform_error
         if time is None or position is None or error is None:
             return None
@@ -132,8 +133,8 @@ def state_at(
 ) -> tuple[Floats, Floats]:
     """True position and velocity at the given epochs.
 
-    At a recorded instant these are the recorded values, bit by bit; between instants, those of the
-    cubic Hermite polynomial through the recorded positions and velocities at both ends.
+    At a recorded instant these are the recorded values, to the bit. Between instants they follow
+    the cubic Hermite polynomial through the recorded positions and velocities at both ends.
 
     Parameters
     ----------
@@ -175,7 +176,7 @@ def state_at(
 
 
 def held_at(time_ns: Integers, values: Floats, epoch_ns: Integers) -> Floats:
-    """Recorded values at the last instant not after each epoch; shape (m, …)."""
+    """Recorded values at the last instant at or before each epoch; shape (m, …)."""
     held: Floats = values[np.searchsorted(time_ns, epoch_ns, side="right") - 1]
     return held
 

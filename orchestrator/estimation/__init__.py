@@ -1,1 +1,1 @@
-"""Estimates made after a run from what was received in it: smoother and particle filter."""
+"""Estimates made after a run from the data received in it: smoother and particle filter."""

@@ -45,16 +45,16 @@ COUPLED = "coupled"
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Smoothed(Extended):
-    """A run with the estimates of the smoother.
+    """A run including the estimates of the smoother.
 
     Attributes
     ----------
     result
-        The run, with ``smoother`` beside its receivers in all tables and figures.
+        The run, with ``smoother`` next to its receivers in all tables and figures.
     track
-        All states at all epochs, and how the passes have converged.
+        All states at all epochs, and the convergence of the passes.
     estimates
-        What is judged of it: position, velocity and covariance, also relative to the platform.
+        The part that is judged: position, velocity and covariance, also relative to the platform.
     """
 
     document = "smooth"
@@ -70,7 +70,7 @@ class Smoothed(Extended):
 
     @property
     def percentiles(self) -> pd.DataFrame:
-        """Order statistics of the errors [m]; see `Result.percentiles`."""
+        """Percentiles of the errors [m]; see `Result.percentiles`."""
         return self.result.percentiles
 
     @property
@@ -85,7 +85,7 @@ class Smoothed(Extended):
 
     @property
     def remarks(self) -> list[str]:
-        """Those of the run, and how the passes have converged."""
+        """Remarks of the run, and the convergence of the passes."""
         return [*self.result.remarks, self._convergence()]
 
     def plot_path(self, ax: Axes | None = None) -> Picture:
@@ -106,12 +106,12 @@ class Smoothed(Extended):
         )
 
     def to_json(self) -> dict[str, Any]:
-        """As `Result.to_json`, with ``steps_m`` and ``converged``."""
+        """As `Result.to_json`, plus ``steps_m`` and ``converged``."""
         own = {"steps_m": list(self.track.steps_m), "converged": self.track.converged}
         return {**self.result.to_json(), **plain(own)}
 
     def text(self, *, verbose: bool = False, width: int | None = None) -> str:
-        """As `Result.text`, with how the passes have converged."""
+        """As `Result.text`, plus the convergence of the passes."""
         told = self.result.text(verbose=verbose, width=width)
         return f"{told}\n\n{fitted(self._convergence(), width)}"
 
@@ -124,7 +124,7 @@ class Smoothed(Extended):
     def _convergence(self) -> str:
         steps = self.track.steps_m
         passes = f"{len(steps)} pass{'' if len(steps) == 1 else 'es'}"
-        moved = f"the last moved no position by more than {steps[-1]:.2g} m"
+        moved = f"the last pass moved no position by more than {steps[-1]:.2g} m"
         how = "" if self.track.converged else "; it has not converged"
         return f"{SMOOTHER}: {passes}, {moved}{how}"
 
@@ -133,25 +133,27 @@ class Smoothed(Extended):
 def smooth(
     run: Result | str | Path, overrides: Changes = (), *, passes: int = PASSES
 ) -> Smoothed:
-    """Estimate the track of a finished run from all that was received in it.
+    """Estimate the track of a finished run from everything received in it.
 
-    The smoother (`sblcosim.estimation.smoother`) has the model and the parameters of the receiver
-    `coupled`. It begins with the estimates of `coupled`; if that was not in the run, it is run on
-    what was received.
+    The smoother (`sblcosim.estimation.smoother`) uses the model and the parameters of the receiver
+    `coupled`. It starts from the estimates of `coupled`. If that was not in the run, it is run on
+    the received data.
 
     Parameters
     ----------
     run
-        A result, or the folder of one.
+        A result, or its folder.
     overrides
-        Keys of ``[receiver]`` to change, e.g. ``{"receiver.acceleration_psd_m2_s3": 0.003}``.
+        Keys of ``[receiver]`` to change, for example ``{"receiver.acceleration_psd_m2_s3":
+        0.003}``.
     passes
-        At most this many passes of Gauss-Newton.
+        Maximum number of Gauss-Newton passes.
 
     Raises
     ------
     ConfigurationError
-        There is no such run, it has no samples or too few, or a key is not one of the receiver.
+        There is no such run, it has no samples or too few, or a key does not belong to the
+        receiver.
     FmuError
         `coupled` cannot be built.
 
@@ -179,7 +181,7 @@ def smooth(
 def prepared(
     run: Result | str | Path, overrides: Changes = ()
 ) -> tuple[Result, Any, Samples, Scenario]:
-    """A run with what an estimator after it needs: parameters, samples, and their scenario."""
+    """A run with the inputs of an estimator after it: parameters, samples, and their scenario."""
     if isinstance(run, str | Path):
         run = read_run(run)
     if not isinstance(run, Result) or not isinstance(run.scenario, Scenario):
@@ -189,8 +191,9 @@ def prepared(
     scenario = assumed(run.scenario, overrides)
     if has_own_errors(scenario.platform):
         warnings.warn(
-            f"{scenario.name}: the model is that of {COUPLED!r}, whose beacons share their errors; "
-            "here each has its own", ConfigurationWarning, stacklevel=3
+            f"{scenario.name}: the smoother uses the model of {COUPLED!r}, in which beacons share "
+            "their "
+            "errors, but here each beacon has its own", ConfigurationWarning, stacklevel=3
         )
     record = run.record
     p = model.parameters(scenario, np.asarray(record.values["target.position"][0], float))
@@ -198,7 +201,7 @@ def prepared(
 
 
 def assumed(scenario: Scenario, overrides: Changes) -> Scenario:
-    """The scenario of a run with `coupled` as its receiver, and other keys of that."""
+    """The scenario of a run with `coupled` as its receiver, and other values for its keys."""
     batch = list(pairs(overrides))
     known = {"prior", *(v.key for v in RECEIVERS[COUPLED].of("parameter"))}
     for path, _ in batch:
@@ -206,7 +209,7 @@ def assumed(scenario: Scenario, overrides: Changes) -> Scenario:
             name = ".".join(path)
             raise ConfigurationError(
                 f"override {shortened(name)}: must be a key of the receiver {COUPLED!r}, as the "
-                f"run is over{nearest(name, [f'receiver.{key}' for key in known])}"
+                f"run is finished{nearest(name, [f'receiver.{key}' for key in known])}"
             )
     keys = {".".join(path): value for path, value in batch}
     return load(applied(scenario, choice_of(scenario, COUPLED)), keys.items())

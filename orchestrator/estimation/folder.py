@@ -1,4 +1,4 @@
-"""Read a run back from the folder that `sblcosim.results.result.Result.save` has written."""
+"""Read a run back from the folder written by `sblcosim.results.result.Result.save`."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from ..scenario.schema import CORE_COMPONENTS
 RECORD = "record.parquet"
 SCENARIO = "scenario.toml"
 _LONGEST = 300
-"""Characters of what is said of a scenario that was edited."""
+"""Number of characters shown of a message about an edited scenario."""
 _INDEX = r"(?:\[(\d{1,3}(?:,\d{1,3})*)\])?"
 _OUTPUT = re.compile(rf"([^.\[\]]+\.[^\[\]]+){_INDEX}")
 _FIELD = re.compile(rf"([^.\[\]]+){_INDEX}")
@@ -44,10 +44,10 @@ def read_run(folder: str | Path) -> Result:
     Raises
     ------
     ConfigurationError
-        There is no such folder, it holds no run, or its files are damaged.
+        There is no such folder, it does not hold a run, or its files are damaged.
     """
     path = Path(folder)
-    what = "must be a folder that 'sblcosim run' has written"
+    what = "must be a folder written by 'sblcosim run'"
     if not path.is_dir():
         got = "a file" if path.exists() else "nothing of that name"
         raise ConfigurationError(f"{shown(path)}: {what}, got {got}")
@@ -55,8 +55,9 @@ def read_run(folder: str | Path) -> Result:
         if not (path / name).is_file():
             if name == SCENARIO and _is_of_package(path):
                 raise ConfigurationError(
-                    f"{shown(path)}: a run of a package cannot be smoothed, as a package does not "
-                    f"say what its errors are (there is no {SCENARIO}); run and smooth the scenario"
+                    f"{shown(path)}: a run of a package cannot be smoothed, because a package does "
+                    "not "
+                    f"state its errors (there is no {SCENARIO}); run and smooth the scenario"
                 )
             raise ConfigurationError(f"{shown(path)}: {what}, got no {name} in it")
     about = _manifest(path)
@@ -97,7 +98,7 @@ def _intervals(scenario: Scenario, labels: list[str]) -> dict[str, int]:
 
 
 def _is_of_package(path: Path) -> bool:
-    """Whether a folder is that of a run of a package."""
+    """Whether a folder holds a run of a package."""
     scenario = (manifests.of_folder(path) or {}).get("scenario")
     return isinstance(scenario, dict) and "package" in scenario
 
@@ -118,7 +119,7 @@ def _manifest(path: Path) -> dict[str, Any]:
 
 
 def _changed(path: Path, about: Mapping[str, Any]) -> list[str]:
-    """Files that are not as they were written, a damaged record being refused."""
+    """Files that have changed since they were written; a damaged record is refused."""
     if HASHES not in about:
         warnings.warn(
             f"{shown(path)}: must have hashes of its files in {MANIFEST}, got none, as in folders "
@@ -128,7 +129,7 @@ def _changed(path: Path, about: Mapping[str, Any]) -> list[str]:
     for name in changed:
         if name == RECORD or name.startswith(MADE):
             raise ConfigurationError(
-                f"{shown(path / name)}: {OTHER}; do the run again, into another folder"
+                f"{shown(path / name)}: {OTHER}; repeat the run, into another folder"
             )
     for name in changed:
         if name != SCENARIO:
@@ -137,28 +138,28 @@ def _changed(path: Path, about: Mapping[str, Any]) -> list[str]:
 
 
 def _scenario(path: Path, before: Mapping[str, Any], changed: bool) -> Scenario:
-    """The scenario of a run; one that is not as it was written is taken as edited."""
+    """The scenario of a run; one that has changed counts as edited."""
     try:
         scenario = load(path)
     except ConfigurationError as error:
         if not changed:
             raise
         raise ConfigurationError(
-            f"{shown(path)}: must be as it was written, or edited into a scenario that is right, "
+            f"{shown(path)}: must be unchanged, or edited into a valid scenario, "
             f"got {shortened(one_line(error), _LONGEST)}"
         ) from None
     if changed:
         now = ", ".join(_differences(path, scenario, before))
         warnings.warn(
-            f"{shown(path)}: was edited or damaged after the run; the smoother goes by what it "
-            f"says now{f': {shortened(now, _LONGEST)}' if now else ''}",
+            f"{shown(path)}: was edited or damaged after the run; the smoother uses its current "
+            f"content{f': {shortened(now, _LONGEST)}' if now else ''}",
             ConfigurationWarning, stacklevel=4,
         )
     return scenario
 
 
 def _differences(path: Path, scenario: Scenario, before: Mapping[str, Any]) -> Iterator[str]:
-    """Keys in a file that were others in the run."""
+    """Keys in a file whose values differ from the run's."""
     after = RunDescription(scenario.name, scenario, ()).manifest()["scenario"]
     for table, given in tomllib.loads(path.read_text("utf-8")).items():
         inner = isinstance(given, dict) and isinstance(before.get(table), dict)
@@ -169,7 +170,7 @@ def _differences(path: Path, scenario: Scenario, before: Mapping[str, Any]) -> I
 
 
 def _is_file(value: object) -> bool:
-    """Whether a value may be a path, which differs from folder to folder."""
+    """Whether a value may be a path, which differs between folders."""
     return isinstance(value, str) and bool(Path(value).suffix)
 
 
@@ -210,7 +211,7 @@ def _refusal(path: Path, got: str) -> ConfigurationError:
 def _shaped(
     path: Path, columns: Mapping[str, NDArray[Any]], pattern: re.Pattern[str]
 ) -> dict[str, NDArray[Any]]:
-    """The arrays of which `frame_of` has made columns."""
+    """The arrays that `frame_of` turned into columns."""
     wrong = [name for name, values in columns.items() if values.dtype.kind not in "fiub"]
     elements: dict[str, dict[tuple[int, ...], NDArray[Any]]] = {}
     for name, column in columns.items():

@@ -1,7 +1,7 @@
-"""Late arrivals: the density of a range's error as `coupled` has it, in NumPy.
+"""Late arrivals: the density of a range's error as in `coupled`, in NumPy.
 
-A range is punctual with the probability 1 − π; else it has an excess of exponential distribution
-with the mean m, beside its noise. Now and then the estimate itself is wrong, by anything.
+A range is punctual with probability 1 − π. Otherwise it has an exponentially distributed excess
+with mean m besides its noise. Occasionally the estimate itself is wrong, by any amount.
 """
 
 from __future__ import annotations

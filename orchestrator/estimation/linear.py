@@ -1,8 +1,8 @@
 """A Kalman filter over scalar measurements and the modified Bryson-Frazier smoother.
 
 G. J. Bierman, *Factorization Methods for Discrete Sequential Estimation*, Academic Press, 1977,
-section X. The smoother needs no inverse, so states without any variance, and variances of a
-kilometre beside those of a centimetre, do no harm.
+section X. The smoother needs no inverse, so states without variance, and variances of a kilometre
+next to those of a centimetre, do no harm.
 """
 
 from __future__ import annotations
@@ -17,21 +17,21 @@ from sblcosim.fmus import stopping
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Share = Callable[[float, float], float]
-"""Of an innovation [m] and its variance [m²]: the weight of the measurement, 0 to 1."""
+"""Weight of a measurement, 0 to 1, from its innovation [m] and the variance of that [m²]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A linear problem of n epochs, d states and m scalar measurements.
+    """A linear problem with n epochs, d states and m scalar measurements.
 
     Attributes
     ----------
     mean, covariance
         Prior; shape (d,), (d, d).
     phi, noise
-        Different transitions Φ and covariances Q; shape (u, d, d).
+        Distinct transitions Φ and covariances Q; shape (u, d, d).
     which
-        The one before each epoch, from the prior to the first one, too; shape (n,).
+        The transition before each epoch, including that from the prior to the first; shape (n,).
     first
         Index of the first measurement of each epoch, and m; shape (n + 1,).
     H, z, R
@@ -63,10 +63,10 @@ def smooth(problem: Problem, share: Share | None = None, doubtful: Flags | None 
     Parameters
     ----------
     share
-        Weight of a doubtful measurement by its innovation when it is used; its variance is divided
-        by it. None: 1.
+        Weight of a doubtful measurement, from its innovation when it is used. Its variance is
+        divided by the weight. None: 1.
     doubtful
-        Flags of the measurements that `share` is asked for; shape (m,).
+        Flags of the measurements that `share` is called for; shape (m,).
     """
     n, d = len(problem.which), len(problem.mean)
     x, P = problem.mean, problem.covariance
@@ -99,7 +99,7 @@ def smooth(problem: Problem, share: Share | None = None, doubtful: Flags | None 
 def _backwards(
     problem: Problem, gains: Floats, innovation: Floats, S: Floats
 ) -> tuple[Floats, Floats]:
-    """λ and Λ after the measurements of each epoch: what the later ones say."""
+    """λ and Λ after the measurements of each epoch: the information from later ones."""
     n, d = len(problem.which), len(problem.mean)
     leans, weights = np.empty((n, d)), np.empty((n, d, d))
     lean, weight = np.zeros(d), np.zeros((d, d))
@@ -109,7 +109,7 @@ def _backwards(
         for i in range(problem.first[k + 1] - 1, problem.first[k] - 1, -1):
             h, K = problem.H[i], gains[i]
             lean = lean - h * (K @ lean + innovation[i] / S[i])
-            # One side after the other: at once, a first packet leaves little but rounding.
+            # One side after the other: together, a first packet leaves little but rounding errors.
             weight = weight - np.outer(weight @ K, h)
             weight = weight + np.outer(h, h / S[i] - K @ weight)
         phi = problem.phi[problem.which[k]]

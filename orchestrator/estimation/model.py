@@ -36,7 +36,7 @@ PRIOR = number_of(INITIALISATION, "prior")
 
 
 def parameters(scenario: Scenario, start: Floats) -> Any:
-    """The parameters of `coupled` in a scenario, as attributes, in SI units and their shapes.
+    """The parameters of `coupled` in a scenario, as attributes, in SI units and in their shapes.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def parameters(scenario: Scenario, start: Floats) -> Any:
     values: dict[str, Any] = {}
     for v in COUPLED.of("parameter"):
         value = np.asarray(in_si(v, getattr(scenario.receiver, v.key)), dtype=float)
-        shape = (-1, *v.shape[1:])  # as many rows as there are beacons
+        shape = (-1, *v.shape[1:])  # one row per beacon
         values[v.name] = value.reshape(shape) if v.shape else value.item()
     if scenario.true_prior:
         values |= {"prior_position": np.asarray(start, float), "prior_velocity": np.zeros(3)}
@@ -66,7 +66,7 @@ class Rows:
     H, residual, variance
         Row, measured minus predicted, and variance of the white noise; shape (m, 19), (m,), (m,).
     is_range
-        Whether it may be late; shape (m,).
+        Whether it is a range, which may be late; shape (m,).
     """
 
     node: Indices
@@ -77,7 +77,8 @@ class Rows:
 
 
 def pose_of(p: Any, samples: Samples) -> Pose:
-    """What the packets say of the platform beside place and heading; arrays of shape (m,)."""
+    """What the packets say about the platform besides position and heading; arrays of shape
+    (m,)."""
     roll, variance = surroundings.tilt(p, samples.attitude[:, 0])
     pitch, _ = surroundings.tilt(p, samples.attitude[:, 1])
     arm = p.beacon_offset[samples.beacon]
@@ -109,7 +110,7 @@ _Part = tuple[Indices, Indices, Floats, Floats, Floats]
 
 
 def _parts(p: Any, samples: Samples, trajectory: Floats) -> Iterator[_Part]:
-    """Node, kind in the order of use, row, residual and variance of each kind of measurement."""
+    """Node, order of use, row, residual and variance of each kind of measurement."""
     epochs = samples.epochs_ns
 
     def part(kind: int, node: Indices, row: Measurement, z: Floats, wrapped: bool = False) -> _Part:
@@ -146,7 +147,7 @@ def prior(p: Any, begin: Floats) -> tuple[Floats, Floats]:
     Parameters
     ----------
     begin
-        State where the first trajectory begins; about it is what has no prior.
+        State at the beginning of the first trajectory, about which states without a prior start.
     """
     mean, std = np.zeros(STATES), np.zeros(STATES)
     for i, value in surroundings.prior_stds(p).items():
@@ -174,7 +175,7 @@ def transition(p: Any, dt: float) -> tuple[Floats, Floats]:
 
 
 def transitions(p: Any, start_ns: int, epochs_ns: Integers) -> tuple[Floats, Floats, Indices]:
-    """Φ and Q of all different steps, and which one is before each epoch."""
+    """Φ and Q of all distinct steps, and the index of the one before each epoch."""
     steps, which = np.unique(np.diff(epochs_ns, prepend=start_ns), return_inverse=True)
     phi, noise = np.zeros((2, len(steps), STATES, STATES))
     for k, step in enumerate(steps):

@@ -1,4 +1,4 @@
-"""Estimates made after a run, beside those of its receivers: the same tables and figures."""
+"""Estimates made after a run, next to those of its receivers in the same tables and figures."""
 
 from __future__ import annotations
 
@@ -28,13 +28,14 @@ from . import model
 from .linear import Floats
 
 ORDER = [i for pair in zip(POSITION, VELOCITY, strict=True) for i in pair]
-"""The paper's order of position and velocity, among the states."""
+"""Indices of position and velocity among the states, in the paper's order."""
 
 
 def of_states(
     p: Any, samples: Samples, mean: Floats, covariance: Floats
 ) -> Estimates:
-    """From the states at the epochs of the samples; those before the first fix are left out.
+    """Estimates from the states at the epochs of the samples; those before the first fix are left
+    out.
 
     Parameters
     ----------
@@ -44,7 +45,7 @@ def of_states(
     epochs = samples.epochs_ns
     heard = np.searchsorted(samples.range_ns, epochs, side="right") - 1
     down = np.asarray(model.pose_of(p, samples).down)[np.maximum(heard, 0)]
-    # x − p, with the platform's down as reported less its slow error
+    # x − p, with the platform's depth as reported minus its slow error
     D = np.zeros((3, mean.shape[1]))
     D[range(3), POSITION] = 1
     D[range(2), PLATFORM] = -1
@@ -75,9 +76,9 @@ def of_states(
 
 
 def bent_by(y: Floats, P: Floats) -> Floats:
-    """What a posterior that bends about the platform adds to the covariance of y, (n, 2, 2).
+    """What a posterior bent about the platform adds to the covariance of y, (n, 2, 2).
 
-    About its crest, where the most probable place is, not about its mean.
+    It refers to the crest, where the most probable position is, not to the mean.
     """
     length = np.linalg.norm(y, axis=1)
     radius = np.maximum(length, NEAREST)
@@ -94,7 +95,7 @@ def bent_by(y: Floats, P: Floats) -> Floats:
 
 
 def first_ns(p: Any, samples: Samples) -> int:
-    """Epoch of the first estimate [ns]: with a prior the first one, as for `coupled`."""
+    """Epoch of the first estimate [ns]; with a prior the first epoch, as for `coupled`."""
     enough = samples.enough_ns()
     if p.initialisation == model.PRIOR or enough is None:
         return int(samples.epochs_ns[0])
@@ -104,14 +105,14 @@ def first_ns(p: Any, samples: Samples) -> int:
 def beside(
     result: Result, label: str, estimates: Estimates, origin: Mapping[str, Any]
 ) -> Result:
-    """The result with another receiver: estimates that were made after the run.
+    """The result with another receiver, whose estimates were made after the run.
 
     Parameters
     ----------
     label
-        Its name in tables and figures; estimates of that name are replaced.
+        Its name in tables and figures. Existing estimates with that name are replaced.
     origin
-        What the manifest says of it.
+        Its origin for the manifest.
     """
     before = [name for name in result.description.receivers if name not in (label, RAW)]
     last = [name for name in result.description.receivers if name == RAW]
@@ -127,6 +128,6 @@ def beside(
 
 
 def origin_of(p: Any, kind: str, **facts: Any) -> dict[str, Any]:
-    """What the manifest says of an estimator: its kind, its parameters, and further facts."""
+    """Origin of an estimator for the manifest: its kind, its parameters, and further facts."""
     values = {v.name: getattr(p, v.name) for v in COUPLED.of("parameter")}
     return {"type": kind, **facts, "parameters": values}

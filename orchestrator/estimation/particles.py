@@ -1,20 +1,20 @@
 """A bootstrap particle filter with the model of `coupled`: a yardstick for Gaussian filters.
 
-It carries the posterior itself, however it is bent: where it is no better than `coupled`, the data
-are to blame. Particles are what ranges are not linear in: the diver as seen from the platform,
-y = x − p, and the depth. All the rest is linear given the path of these, and is carried along by a
-Kalman filter of each particle (A. Doucet, N. de Freitas, K. Murphy, S. Russell, Rao-Blackwellised
-particle filtering for dynamic Bayesian networks, UAI 2000). So what hardly changes does not die
-out. Those filters have one covariance for all, but for that of (β, κ, g_z):
+It carries the posterior itself, whatever its shape. Where it is no better than `coupled`, the data
+are to blame. Particles represent the quantities in which ranges are not linear: the diver as seen
+from the platform, y = x − p, and the depth. Given their path, everything else is linear and is
+carried by a Kalman filter for each particle (A. Doucet, N. de Freitas, K. Murphy, S. Russell,
+Rao-Blackwellised particle filtering for dynamic Bayesian networks, UAI 2000). Quantities that
+hardly change therefore do not die out. All these filters share one covariance, except for that of
+(β, κ, g_z):
 
 - (y, v, w, p, g) of an axis, north or east: velocities of diver and platform, the platform's
   position and the error of its GPS. y is drawn when a range comes, and known from then on;
 - (z, v, d): depth, its rate and the error of the sensor; z is drawn with y;
 - (β, κ, g_z): clock, sound speed, and the slow error of the GPS, down;
-- the heading as reported, and its rate. Its white error counts as noise of the ranges; where a
-  packet has only its own beacon's position, the heading is drawn before that is used. Its slow
-  error turns the whole track about the platform, which nothing observes: it is only in the
-  covariance.
+- the reported heading and its rate. Its white error counts as range noise. If a packet holds only
+its own beacon's position, the heading is drawn before that is used. Its slow error rotates the
+whole track about the platform, which is unobservable: it appears only in the covariance.
 
 A range has the density of `sblcosim.estimation.late`: punctual, late, or wrong.
 """
@@ -58,9 +58,9 @@ from .linear import Floats
 
 LABEL = "particle_filter"
 _REACH = 4.0
-"""Standard deviations to both sides of the first range between which particles begin."""
+"""Standard deviations to either side of the first range between which particles start."""
 _NORTH = [POSITION[0], VELOCITY[0], PLATFORM_VELOCITY[0], PLATFORM[0], GPS_ERROR[0]]
-"""x, v, w, p, g of the axis north, among the states; east has the same covariance."""
+"""Indices of x, v, w, p, g of the north axis among the states; east has the same covariance."""
 _DOWN = [POSITION[2], VELOCITY[2], DEPTH_BIAS]
 _TURN = [HEADING, HEADING_RATE]
 _SLOW = [CLOCK, SPEED, VERTICAL_ERROR]
@@ -77,7 +77,7 @@ _MOMENTS = (
 
 @dataclass(frozen=True, eq=False)
 class Cloud:
-    """Particles: a Gaussian each. Covariances but `P_slow` are the same for all.
+    """Particles, each with a Gaussian. Covariances other than `P_slow` are common to all.
 
     Attributes
     ----------
@@ -90,7 +90,7 @@ class Cloud:
     slow, P_slow
         Means of β [m], κ and g_z [m], (n, 3), and their covariances, (n, 3, 3).
     turn, P_turn
-        Heading as reported and its rate, (n, 2), and the covariance, (2, 2).
+        Reported heading and its rate, (n, 2), and the covariance, (2, 2).
     """
 
     log_weight: Floats
@@ -105,7 +105,7 @@ class Cloud:
 
     @property
     def weight(self) -> Floats:
-        """Weights, with the sum 1; shape (n,)."""
+        """Weights that add up to 1; shape (n,)."""
         weight = np.exp(self.log_weight - self.log_weight.max())
         return np.asarray(weight / weight.sum())
 
@@ -118,28 +118,28 @@ def particle_filter(
     particles: int = 50_000,
     seed: int = 1,
 ) -> Result:
-    """Filter a finished run with particles, from what was received in it.
+    """Filter a finished run with particles, from the data received in it.
 
     Parameters
     ----------
     run
-        A result, or the folder of one.
+        A result, or its folder.
     overrides
         Keys of ``[receiver]`` of `coupled` to change; see `sblcosim.smooth`.
     particles
-        How many. Too few die out: with many more, the error must stay.
+        Number of particles. Too few die out: many more should give the same error.
     seed
-        Of its random numbers; equal ones give equal bits.
+        Seed of its random numbers; equal seeds give equal bits.
 
     Returns
     -------
     Result
-        The run, with ``particle_filter`` beside its receivers.
+        The run, with ``particle_filter`` next to its receivers.
 
     Raises
     ------
     ConfigurationError
-        There is no such run, nothing to begin with in it, or an argument is wrong.
+        There is no such run, it has no first fix, or an argument is wrong.
 
     Examples
     --------
@@ -159,7 +159,7 @@ def particle_filter(
 
 
 def filtered(p: Any, samples: Samples, particles: int, seed: int) -> Estimates:
-    """The estimates at all epochs from the first fix on: mean and covariance of the posterior.
+    """Estimates at all epochs from the first fix on: mean and covariance of the posterior.
 
     Raises
     ------
@@ -181,7 +181,7 @@ def filtered(p: Any, samples: Samples, particles: int, seed: int) -> Estimates:
         for i in np.flatnonzero(samples.range_ns == epoch):
             body, down = [*p.beacon_offset[samples.beacon[i]]], float(poses[i].down)
             if not fresh[i]:
-                pass  # the pose of this epoch has been used
+                pass  # the pose of this epoch has already been used
             elif samples.has_pose[i]:
                 cloud = headed(p, cloud, samples.attitude[i, 2])
                 cloud = placed(p, cloud, samples.position[i], [0.0, 0.0])
@@ -211,7 +211,7 @@ def _poses(p: Any, samples: Samples) -> list[Pose]:
 
 
 def begun(p: Any, n: int) -> Cloud:
-    """Particles at the start, equal still."""
+    """Particles at the start, all still equal."""
     mean, std = model.prior(p, np.zeros(STATES))
     flat = np.stack([mean[[i + axis for i in _NORTH]] for axis in (0, 1)]) @ _SEEN.T
     return Cloud(
@@ -224,9 +224,9 @@ def begun(p: Any, n: int) -> Cloud:
 
 
 def predicted(p: Any, cloud: Cloud, dt: float) -> Cloud:
-    """The particles a time dt [s] later."""
+    """Propagate the particles by a time dt [s]."""
     phi, Q = model.transition(p, dt)
-    # What is reported is the heading and its error together.
+    # The reported heading includes its error.
     Q[HEADING, HEADING] += Q[HEADING_ERROR, HEADING_ERROR]
 
     def block(states: list[int]) -> tuple[Floats, Floats]:
@@ -275,7 +275,7 @@ def headed(p: Any, cloud: Cloud, heading: float) -> Cloud:
 
 
 def turned(cloud: Cloud, rng: np.random.Generator) -> Cloud:
-    """Draw the heading from each particle's Gaussian; one of which nothing is known, anywhere."""
+    """Draw the heading from each particle's Gaussian; if unknown, from all directions."""
     n, std = len(cloud.turn), np.sqrt(cloud.P_turn[0, 0])
     off = std * rng.standard_normal(n) if std < np.pi else rng.uniform(-np.pi, np.pi, n)
     slope, P = _known(cloud.P_turn)
@@ -283,7 +283,7 @@ def turned(cloud: Cloud, rng: np.random.Generator) -> Cloud:
 
 
 def placed(p: Any, cloud: Cloud, place: Floats, body: list[float]) -> Cloud:
-    """Reported position of a point of the platform; ``body`` is where it is in the body frame."""
+    """Reported position of a point of the platform; ``body`` is its body-frame position."""
     K, S, P = _gain(cloud.P_flat, _PLACE, max(p.gps_std, LEAST_GPS_STD) ** 2)
     c, s = np.cos(cloud.turn[:, 0]), np.sin(cloud.turn[:, 0])
     arm = np.column_stack([c * body[0] - s * body[1], s * body[0] + c * body[1]])
@@ -305,7 +305,7 @@ def drawn(cloud: Cloud, rng: np.random.Generator) -> Cloud:
 
 
 def _at(cloud: Cloud, y: Floats, z: Floats) -> Cloud:
-    """The particles with y and z known."""
+    """The particles after y and z are known."""
     K, P_flat = _known(cloud.P_flat)
     k, P_down = _known(cloud.P_down)
     return replace(
@@ -315,7 +315,7 @@ def _at(cloud: Cloud, y: Floats, z: Floats) -> Cloud:
 
 
 def _known(P: Floats) -> tuple[Floats, Floats]:
-    """How all follow the first, and their covariance once that is known."""
+    """How all states follow the first, and their covariance once it is known."""
     if not P[0, 0] > 0:
         return np.eye(len(P))[0], P
     slope = P[:, 0] / P[0, 0]
@@ -327,7 +327,7 @@ def _known(P: Floats) -> tuple[Floats, Floats]:
 def anywhere(
     p: Any, cloud: Cloud, pose: Pose, body: list[float], z: float, rng: np.random.Generator
 ) -> Cloud:
-    """Particles about a beacon, at any bearing and at the distances that may give its range."""
+    """Particles about a beacon, at any bearing and at distances that may give its range."""
     n = len(cloud.down)
     depth = cloud.down[:, 0] + np.sqrt(cloud.P_down[0, 0]) * rng.standard_normal(n)
     std = np.sqrt(p.range_std**2 + p.clock_std**2 + (p.sound_speed_std * z) ** 2
@@ -338,7 +338,7 @@ def anywhere(
     arm = surroundings.arm_of(np, at, pose, body)
     far = np.sqrt(np.maximum(slant**2 - (depth - pose.down - arm[2]) ** 2, 0))
     bearing = rng.uniform(-np.pi, np.pi, n)
-    # Nothing is known of x, so y says nothing of the platform.
+    # Nothing is known about x, so y says nothing about the platform.
     P = cloud.P_flat.copy()
     P[0], P[:, 0] = 0.0, 0.0
     free = replace(cloud, P_flat=P)
@@ -371,7 +371,8 @@ def ranged(p: Any, cloud: Cloud, pose: Pose, body: list[float], z: float) -> Clo
 
 
 def resampled(cloud: Cloud, rng: np.random.Generator) -> Cloud:
-    """Equal weights by systematic resampling, if less than half of the particles count."""
+    """Equal weights by systematic resampling, if the effective number is below half the
+    particles."""
     weight = cloud.weight
     n = len(weight)
     if 1 / (weight**2).sum() > n / 2:
@@ -401,7 +402,7 @@ def moments(p: Any, cloud: Cloud, down: float) -> tuple[Any, ...]:
     covariance[4:, 4:] += cloud.P_down[:2, :2]
     deep = cloud.P_down[0, 0] + weight @ cloud.P_slow[:, 2, 2] + p.gps_vertical_std**2
     relative += np.diag([cloud.P_flat[0, 0]] * 2 + [deep])
-    # The slow error of the heading turns y; nothing tells it from a turn of the diver.
+    # The slow error of the heading rotates y; nothing separates it from a rotation of the diver.
     turned = p.imu_heading_error_std * (weight @ y)[::-1] * [-1, 1]
     covariance[np.ix_([0, 2], [0, 2])] += np.outer(turned, turned)
     relative[:2, :2] += np.outer(turned, turned)

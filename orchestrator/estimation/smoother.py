@@ -1,10 +1,10 @@
 """The smoother: the most probable track of a whole run, by Gauss-Newton on all samples at once.
 
-Each pass is a linear problem about the last trajectory ℓ: a range r counts as r − h(ℓ) + H ℓ, with
-the variance R/λ, λ being the probability that it is not late, at its residual there
+Each pass is a linear problem about the latest trajectory ℓ. A range r counts as r − h(ℓ) + H ℓ,
+with variance R/λ, where λ is the probability that it is punctual, given its residual there
 (expectation-maximisation). The fixed point is the maximum of the posterior. The covariance of the
-states is that of the linear problem there; of a place on an arc about the platform it has the
-moments of a banana more (`sblcosim.estimation.outcome`).
+states is that of the linear problem there. For a position on an arc about the platform, the moments
+of a banana are added (`sblcosim.estimation.outcome`).
 """
 
 from __future__ import annotations
@@ -22,25 +22,26 @@ from . import late, linear, model
 from .linear import Floats, Moments, Problem
 
 PASSES = 20
-"""At most this many passes."""
+"""Maximum number of passes."""
 CLOSE = 1e-3
-"""A pass that moves no position by more than this many m is the last one."""
+"""A pass that moves no position by more than this many m is the last."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Track(Shown):
-    """What the smoother says of a run.
+    """Result of the smoother for a run.
 
     Attributes
     ----------
     epochs_ns
         Epochs [ns]; shape (n,).
     mean, covariance
-        Of the states of `sblcosim.models.receiver.surroundings` at these; (n, 19), (n, 19, 19).
+        Of the states of `sblcosim.models.receiver.surroundings` at these epochs; (n, 19), (n, 19,
+        19).
     punctual
-        Probability of each range that it is not late, in the order of the samples; shape (m,).
+        Probability that each range is punctual, in the order of the samples; shape (m,).
     steps_m
-        How far each pass has moved the position, at most [m].
+        Largest change of position in each pass [m].
     """
 
     epochs_ns: Integers
@@ -51,7 +52,7 @@ class Track(Shown):
 
     @property
     def converged(self) -> bool:
-        """Whether the last pass has moved no position by more than `CLOSE`."""
+        """Whether the last pass moved no position by more than `CLOSE`."""
         return self.steps_m[-1] < CLOSE
 
 
@@ -63,10 +64,10 @@ def smooth(p: Any, samples: Samples, trajectory: Floats, passes: int = PASSES) -
     p
         Parameters of `coupled`; see `sblcosim.estimation.model.parameters`.
     trajectory
-        Where to begin: states at the epochs of the samples; shape (n, 19). Not their motion
-        matters, but that positions are not far off.
+        Starting point: states at the epochs of the samples; shape (n, 19). The positions should be
+        close; the motion does not matter.
     passes
-        At most this many.
+        Maximum number of passes.
     """
     frame = model.problem(p, samples, trajectory[0])
     at = trajectory
@@ -79,7 +80,7 @@ def smooth(p: Any, samples: Samples, trajectory: Floats, passes: int = PASSES) -
             punctual = late.share(p, rows.residual[rows.is_range], rows.variance[rows.is_range])
         moments = linear.smooth(
             linearised(frame, rows, at, punctual),
-            # The first trajectory is not smooth: what does not fit it may fit all the same.
+            # The first trajectory is not smooth: samples that do not fit it may still be good.
             None if turn else lambda nu, S: float(late.share(p, nu, S)),
             rows.is_range,
         )

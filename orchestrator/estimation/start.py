@@ -1,4 +1,4 @@
-"""The trajectory at which the smoother begins: what `coupled` has estimated in the run."""
+"""The starting trajectory of the smoother: estimates of `coupled` in the run."""
 
 from __future__ import annotations
 
@@ -31,11 +31,12 @@ from . import model
 from .linear import Floats
 
 _WINDOW = 20
-"""Packets that make a heading together, where each has but its own beacon's position."""
+"""Number of packets that together give a heading, if each holds only its own beacon's position."""
 
 
 def ran(record: Record) -> str | None:
-    """Label of a component of the record that has all outputs of `coupled`; None without one."""
+    """Label of a component of the record that has all outputs of `coupled`; None if there is
+    none."""
     for label in {name.partition(".")[0]: None for name in record.values}:
         ports = {f"{label}.{v.name}" for v in SYSTEM} | {f"{label}.velocity"}
         if ports <= record.values.keys() and record.valid(label).any():
@@ -44,7 +45,7 @@ def ran(record: Record) -> str | None:
 
 
 def run_coupled(record: Record, p: Any, scenario: Scenario) -> Record:
-    """Run `coupled` on the samples of a record; its estimates as a record of its own."""
+    """Run `coupled` on the samples of a record; returns its estimates as a new record."""
     from sblcosim.fmus.build.factory import build
 
     played = {
@@ -117,7 +118,7 @@ def trajectory(record: Record, label: str, p: Any, samples: Samples) -> Floats:
 
 
 def _headings(p: Any, samples: Samples, at: Floats) -> Floats:
-    """Headings at the epochs, as reported, or from where the beacons are about the platform."""
+    """Headings at the epochs, as reported, or from the beacons' positions about the platform."""
     said = samples.has_pose
     epochs = samples.epochs_ns
     if said.any():

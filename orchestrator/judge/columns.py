@@ -1,7 +1,7 @@
-"""The columns of the tables of a run, each declared once.
+"""The columns of a run's tables, each declared once.
 
-From these declarations follow the DataFrames and their files, what is printed and what notebooks
-show, the documents that ``--json`` prints with their JSON schemas, and the tables of the reference.
+The declarations define the DataFrames and their files, printed tables, notebook views, the
+documents of ``--json`` with their JSON schemas, and the tables of the reference.
 """
 
 from __future__ import annotations
@@ -29,23 +29,24 @@ from .definitions import (
 )
 
 CovarianceVerdict = Literal["consistent", "optimistic", "pessimistic", "unknown"]
-"""What `metrics.verdict` says of a mean NEES or NIS."""
+"""Verdicts of `metrics.verdict` on a mean NEES or NIS."""
 
 
 RECEIVER = TableColumn("receiver", "Label of the receiver", type=str)
-FRAME = TableColumn("frame", "What the error is relative to", type=Literal[FRAMES])
+FRAME = TableColumn("frame", "Reference of the error", type=Literal[FRAMES])
 AXIS = TableColumn("axis", "Axis of the error", heading="axis", type=Literal[(*AXES, "total")])
-LENGTH = TableColumn("length", "Which length", heading="error", type=Literal["horizontal", "total"])
+LENGTH = TableColumn("length", "Kind of length", heading="error", type=Literal["horizontal",
+"total"])
 
 ERRORS = Columns(
     "Statistics",
-    "Of an error, over all estimates.",
+    "Statistics of an error over all estimates.",
     (RECEIVER, FRAME, AXIS),
     (
-        TableColumn("mean_m", "Mean: signed for an axis, of the length for total", "m", "mean",
+        TableColumn("mean_m", "Mean: signed for an axis, of the length for the total", "m", "mean",
                     of=lambda e: e.mean()),
         TableColumn("rms_m",
-                    "Root mean square; the square for total is the sum of those of the axes", "m",
+                    "Root mean square; squared, the axes add up to the total", "m",
                     "RMS", of=lambda e: np.sqrt((e * e).mean())),
         TableColumn("std_m", "Standard deviation about the mean: rms² = mean² + std²", "m", "std",
                     of=lambda e: e.std()),
@@ -53,18 +54,18 @@ ERRORS = Columns(
     ),
     title="Error",
 )  # fmt: skip
-"""Functions of the errors of an axis, or of their lengths, [m], of the m estimates that count."""
+"""Functions of the errors of an axis, or of their lengths [m], over all estimates that count."""
 
 
 def _percentile(p: int) -> TableColumn:
-    rank = f"of n errors the one of rank {p / 100:g} n, rounded up"
+    rank = f"of n errors, the one with rank {p / 100:g} n, rounded up"
     words = "Largest error" if p == 100 else f"Radius that holds {p} % of the estimates: {rank}"
     return TableColumn(percentile_column(p), words, "m", "all" if p == 100 else f"{p} %")
 
 
 PERCENTILES = Columns(
     "Percentiles",
-    "Order statistics of the length of an error; of the horizontal one, p50 is CEP50.",
+    "Percentiles of the length of an error; the horizontal p50 is CEP50.",
     (RECEIVER, FRAME, LENGTH),
     tuple(map(_percentile, PERCENTAGES)),
     title="Within",
@@ -73,16 +74,16 @@ PERCENTILES = Columns(
 
 @dataclass(frozen=True)
 class ChiSquare:
-    """A NEES or NIS, whose mean has a band and a verdict in the summary.
+    """A NEES or NIS whose mean has a band and a verdict in the summary.
 
     Attributes
     ----------
     name
-        Of the column of estimates.
+        Name of the column of estimates.
     words, description
-        What it is, and what its mean is.
+        Its name in words, and the description of its mean.
     degrees
-        Of freedom; None where each estimate has its own.
+        Degrees of freedom; None if each estimate has its own.
     """
 
     name: str
@@ -91,13 +92,13 @@ class ChiSquare:
     degrees: int | None
 
     def columns(self) -> Iterator[TableColumn]:
-        """What the summary says of it (see `metrics.of_chi_square`)."""
+        """Columns of the summary for it (see `metrics.of_chi_square`)."""
         name, verdict = self.name, CovarianceVerdict | None
         yield TableColumn(name, self.description)
-        yield TableColumn(f"{name}_expected", "What it is of a right covariance")
-        yield TableColumn(f"{name}_low", "Of its 95 % band")
-        yield TableColumn(f"{name}_high", "Of its 95 % band")
-        yield TableColumn(f"{name}_verdict", "Mean against band", type=verdict)
+        yield TableColumn(f"{name}_expected", "Expected value for a right covariance")
+        yield TableColumn(f"{name}_low", "Lower limit of its 95 % band")
+        yield TableColumn(f"{name}_high", "Upper limit of its 95 % band")
+        yield TableColumn(f"{name}_verdict", "Verdict: the mean against the band", type=verdict)
 
 
 CHI_SQUARES = (
@@ -116,19 +117,19 @@ SUMMARY = Columns(
     (RECEIVER,),
     (
         TableColumn("estimates", "Number of valid estimates", type=int | None),
-        TableColumn("first_fix_s", "Epoch of the first one", "s"),
-        TableColumn("availability", "Share of the time with a fix"),
-        TableColumn("update_share", "Share of the updates with a new estimate"),
+        TableColumn("first_fix_s", "Epoch of the first valid estimate", "s"),
+        TableColumn("availability", "Share of the time with an estimate available"),
+        TableColumn("update_share", "Share of the updates that gave a new estimate"),
         *(column for one in CHI_SQUARES for column in one.columns()),
-        TableColumn("inconsistent", "NEES of the position above its band; null without any",
+        TableColumn("inconsistent", "NEES of the position is above its band; null without NEES",
                     type=bool | None),
         TableColumn("lost", "No good estimate in the last quarter", type=bool | None),
-        TableColumn("failure", "Why the receiver has failed", type=str | None, sometimes=True),
+        TableColumn("failure", "Why the receiver failed", type=str | None, sometimes=True),
     ),
 )  # fmt: skip
 
 
-# --- Estimates: functions of `Judged`; None where a receiver has no such column -------------------
+# --- Estimates: functions of `Judged`; None if a receiver has no such column ----------------------
 
 
 def _claimed_std(judged: Judged) -> Floats | None:
@@ -161,7 +162,7 @@ def _state_nees(judged: Judged) -> Floats | None:
     estimates, P = judged.estimates, judged.estimates.covariance
     if P is None or estimates.velocity is None:
         return None
-    # the paper's order: position, then velocity, of each axis
+    # the paper's order: position, then velocity, for each axis
     pairs = np.stack([judged.error, estimates.velocity - judged.true_velocity], axis=2)
     return nees(pairs.reshape(-1, 6), P)
 
@@ -202,14 +203,14 @@ def _errors() -> Iterator[TableColumn]:
 
 ESTIMATES = Columns(
     "Estimate",
-    "A valid estimate with the truth.",
+    "A valid estimate and the truth.",
     (RECEIVER,),
     (
         TableColumn("epoch_s", "Time to which the estimate belongs", "s", of=lambda j: j.epoch_s),
-        *_by_axis("", "The estimate", lambda j: j.estimates.position),
-        *_by_axis("true_", "The truth at that epoch", lambda j: j.true_position),
+        *_by_axis("", "Estimate", lambda j: j.estimates.position),
+        *_by_axis("true_", "Truth at that epoch", lambda j: j.true_position),
         *_errors(),
-        *_by_axis("std_", "Standard deviation that the receiver claims", _claimed_std),
+        *_by_axis("std_", "Standard deviation claimed by the receiver", _claimed_std),
         TableColumn("nees_position", "NEES of the absolute error, 3 degrees of freedom",
                     of=_position_nees),
         TableColumn("relative_nees_position", "NEES of the relative error, 3 degrees of freedom",
@@ -217,17 +218,17 @@ ESTIMATES = Columns(
         TableColumn("nees_state",
                     "NEES of the errors of position and velocity, 6 degrees of freedom",
                     of=_state_nees),
-        *_by_axis("own_relative_std_", "Standard deviation that the receiver claims of its own "
+        *_by_axis("own_relative_std_", "Standard deviation that the receiver claims for its own "
                   "relative position", _own_std),
         TableColumn("own_relative_nees_position",
                     "NEES of the own relative error, 3 degrees of freedom", of=_own_nees),
-        TableColumn("nis", "Sum of the squared innovations, normalised",
+        TableColumn("nis", "Normalised sum of the squared innovations",
                     of=lambda j: j.estimates.nis),
         TableColumn("nis_degrees", "Degrees of freedom of the NIS",
                     of=lambda j: j.estimates.nis_degrees),
     ),
 )  # fmt: skip
-"""What a receiver does not have, or depends on a platform's true motion that is not known, is left
+"""Columns that a receiver lacks, or that need an unknown true motion of the platform, are left
 out."""
 TABLES = {"errors": ERRORS, "percentiles": PERCENTILES, "summary": SUMMARY, "estimates": ESTIMATES}
-"""By the names of their files."""
+"""Tables by the names of their files."""

@@ -1,23 +1,23 @@
 """Whether a receiver's covariance is right: a verdict from the NEES of several runs.
 
-The mean NEES of a receiver whose covariance P is right is the number of degrees of freedom, 3 for a
-position; if the true covariance is f² P, it is f² times as much. The errors inside a run follow
-each other, so one run is one observation: its mean NEES m. Runs with seeds of their own are
+If a receiver's covariance P is right, its mean NEES is the number of degrees of freedom, 3 for a
+position. If the true covariance is f² P, it is f² times as much. Errors within a run are
+correlated, so one run is one observation: its mean NEES m. Runs with different seeds are
 independent.
 
 **Interval.** For the mean M of n runs with standard deviation s, the 95 % interval is
-M exp(± t s / (M √n)), with Student's t of n − 1 degrees of freedom: t in the logarithm, by the
-delta method, as means of squares are positive and skewed to the right. Of run means that are
-gamma distributed (means of squares of normal errors are nearly so) it covers between 91 and 95 %,
-from 2 runs on, down to a run mean of one degree of freedom only; at 3 it is 94 %.
+M exp(± t s / (M √n)), with Student's t for n − 1 degrees of freedom. The t interval applies to the
+logarithm, by the delta method, because means of squares are positive and skewed to the right. For
+gamma-distributed run means (means of squares of normal errors are nearly so) it covers 91 to 95 %,
+from 2 runs on, down to run means with one degree of freedom; with 3 it covers 94 %.
 
-**Tails.** The mean says nothing if few runs make it, e.g. those in which a filter is lost. No
-normal errors spread run means more than one error that stays throughout each run: chi-square with
-one degree of freedom. If the largest of n run means is farther above their median than the largest
-of n such would be in one study of 1000, the verdict is of the median, with its interval by order
-statistics, and says how many runs lie so far above. The median of right covariances depends on how
-long errors last: it is between that of chi-square with 3 degrees of freedom, 2.37, and 3; so in
-between, within a factor of 1.13, the median does not tell.
+**Tails.** The mean says nothing if it is dominated by few runs, such as those in which a filter is
+lost. Normal errors spread run means most if one error stays throughout each run: chi-square with
+one degree of freedom. The largest of n run means may lie farther above their median than the
+largest of n such values would in one study of 1000. Then the verdict uses the median, with its
+interval from order statistics, and says how many runs lie so far above. For right covariances, the
+median depends on the correlation time of the errors. It lies between the median of chi-square with
+3 degrees of freedom, 2.37, and 3. Within this factor of 1.13 the median cannot decide.
 
 **Number of runs.** Enough for the interval to exclude 3 in 9 studies of 10 if the standard
 deviation is wrong by the factor `TELLING`.
@@ -40,47 +40,47 @@ special = Module("scipy.special")
 DEGREES = 3
 """Degrees of freedom of a position."""
 TELLING = 1.1
-"""Factor on the standard deviation that `Verdict.runs_needed` is for."""
+"""Factor on the standard deviation that `Verdict.runs_needed` refers to."""
 POWER = 0.9
-"""Probability of telling it."""
+"""Probability of detecting it."""
 TAIL = 0.001
-"""Probability that the largest of some run means of normal errors is called far above."""
+"""Probability that the largest of several run means of normal errors counts as far above."""
 MOST_RUNS = 10**9
 NEES_COLUMNS = {
     "absolute": "nees_position",
     "own_relative": "own_relative_nees_position",
 }
-"""Column of the NEES that a covariance is judged by, by frame."""
+"""Column of the NEES that judges a covariance, by frame."""
 COVARIANCES = {
     "absolute": "covariance",
     "own_relative": "covariance relative to the platform",
 }
-"""What the verdict is of, by frame."""
+"""Subject of the verdict, by frame."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What some runs say of a receiver's covariance.
+    """What several runs say about a receiver's covariance.
 
     Attributes
     ----------
     verdict
         ``in band``, ``optimistic`` (errors larger than claimed) or ``pessimistic``; ``one run``,
-        from which it cannot be told; ``unknown``: there is no NEES, or a tail and too few runs.
+        which cannot decide; ``unknown``: there is no NEES, or a tail and too few runs.
     factor
-        True standard deviation over the claimed one, as estimated; above 1 is optimistic.
+        Estimated true standard deviation divided by the claimed one; above 1 is optimistic.
     runs
         Number of runs used: those with a NEES.
     mean_nees
         Mean over the runs.
     basis
-        What is compared with 3: ``mean``, or ``median`` if few runs make the mean.
+        Statistic compared with 3: ``mean``, or ``median`` if few runs dominate the mean.
     centre, low, high
-        That mean or median, and its 95 % interval; NaN without.
+        That statistic and its 95 % interval; NaN without.
     runs_far_above
         Number of runs beyond what normal errors explain, given the median.
     runs_needed
-        Number of runs to tell a factor of `TELLING`; None if their spread does not say.
+        Number of runs to detect a factor of `TELLING`; None if their spread does not show it.
     """
 
     verdict: str
@@ -103,10 +103,10 @@ class Verdict:
 
     @property
     def claim(self) -> str:
-        """Of one run: the covariance is ``optimistic``, ``perhaps optimistic``, ``fits``, or is
-        ``perhaps pessimistic``.
+        """Claim from one run: the covariance is ``optimistic``, ``perhaps optimistic``,
+        ``perhaps pessimistic``, or ``fits``.
 
-        Only the first is sure: see `most_of_one_run`.
+        Only the first is certain: see `most_of_one_run`.
         """
         if self.mean_nees > most_of_one_run():
             return "optimistic"
@@ -115,35 +115,36 @@ class Verdict:
         return f"perhaps {'optimistic' if self.factor > 1 else 'pessimistic'}"
 
     def to_json(self) -> dict[str, Any]:
-        """As plain data, with the sentence."""
+        """The verdict as plain data, including the sentence."""
         return {**asdict(self), "words": str(self)}
 
     def __str__(self) -> str:
         if self.verdict == "one run":
-            return f"{_looks(self)}; one run cannot tell, for its errors follow each other"
+            return f"{_looks(self)}; one run cannot decide, because its errors are correlated"
         if self.verdict == "unknown":
-            return "unknown" + (f": few of the {self.runs} runs make the mean" if self.runs else "")
+            few = f": few of the {self.runs} runs dominate the mean"
+            return "unknown" + (few if self.runs else "")
         wrong = "" if self.verdict == "in band" else f" by a factor of {_short(self.by)}"
-        what = "mean NEES" if self.basis == "mean" else "median over the runs of the mean NEES"
+        what = "mean NEES" if self.basis == "mean" else "median over runs of the mean NEES"
         text = (
             f"{self.verdict}{wrong} ({what} {_short(self.centre)}, 95 %: {_short(self.low)} to "
             f"{_short(self.high)}, {self.runs} runs)"
         )
         if self.basis == "median":
             runs = "1 run lies" if self.runs_far_above == 1 else f"{self.runs_far_above} runs lie"
-            return f"{text}; {runs} far above and would make the mean, {_short(self.mean_nees)}"
+            return f"{text}; {runs} far above and would dominate the mean, {_short(self.mean_nees)}"
         if self.verdict == "in band" and self.runs_needed and self.runs < self.runs_needed:
-            text += f"; {self.runs_needed} runs would tell a factor of {TELLING:g}"
+            text += f"; {self.runs_needed} runs would detect a factor of {TELLING:g}"
         return text
 
 
 def of_runs(mean_nees: ArrayLike) -> Verdict:
-    """Judge a receiver's covariance by independent runs.
+    """Judge a receiver's covariance from independent runs.
 
     Parameters
     ----------
     mean_nees
-        Mean position NEES of each run; NaN for a run without. Shape (runs,).
+        Mean position NEES of each run; NaN for a run without NEES. Shape (runs,).
     """
     values = np.asarray(mean_nees, np.float64).ravel()
     values = np.sort(values[~np.isnan(values)])
@@ -157,7 +158,7 @@ def of_runs(mean_nees: ArrayLike) -> Verdict:
         return _by_median(values, mean, far)
     spread = float(values.std(ddof=1)) / mean if mean > 0 else 0.0
     quantile = float(special.stdtrit(n - 1, (1 + CONFIDENCE) / 2))
-    reach = math.exp(min(quantile * spread / math.sqrt(n), 700.0))  # where exp overflows
+    reach = math.exp(min(quantile * spread / math.sqrt(n), 700.0))  # where exp would overflow
     low, high = mean / reach, mean * reach
     word = _word(low, high, DEGREES, DEGREES)
     return Verdict(
@@ -166,9 +167,9 @@ def of_runs(mean_nees: ArrayLike) -> Verdict:
 
 
 def most_of_one_run() -> float:
-    """Mean NEES of one run that right covariances exceed in no more than 1 run of 20.
+    """Mean NEES of one run that right covariances exceed in at most 1 run of 20.
 
-    The errors of a run cannot follow each other more than one that stays.
+    The errors of a run cannot be more correlated than one that stays constant.
     """
     return DEGREES * float(special.chdtri(1, 0.05))
 
@@ -181,12 +182,12 @@ def _far_above(values: NDArray[np.float64]) -> int:
 
 
 def place_of_bound(n: int, confidence: float) -> int:
-    """Place k, from either end, of the order statistics that enclose the median of n runs.
+    """Rank k, from either end, of the order statistics that enclose the median of n runs.
 
-    Of independent runs the number below the median is binomial: k is the largest with
+    Among independent runs, the number below the median is binomial: k is the largest with
     P(Binomial(n, ½) < k) below half the risk (Thompson, Annals of Mathematical Statistics 7, 1936,
     122–128; Conover, Practical Nonparametric Statistics, 3rd edition, 1999, section 3.2). 0 if n is
-    too small: for 95 % it takes 6.
+    too small: 95 % needs 6.
     """
     return int((special.bdtr(np.arange(n), n, 0.5) < (1 - confidence) / 2).sum())
 
@@ -199,7 +200,7 @@ def _by_median(values: NDArray[np.float64], mean: float, far: int) -> Verdict:
             "unknown", math.nan, n, mean, "median", median, math.nan, math.nan, runs_far_above=far
         )
     low, high = float(values[k - 1]), float(values[n - k])
-    # The median of the run means of a right covariance is at least that of one sample's NEES.
+    # For a right covariance, the median of the run means is at least that of one sample's NEES.
     least = float(special.chdtri(DEGREES, 0.5))
     word = _word(low, high, least, DEGREES)
     right = min(max(median, least), DEGREES)
@@ -219,7 +220,8 @@ def _factor(nees: float, expected: float) -> float:
 
 
 def _needed(spread: float) -> int:
-    """Smallest number of runs that tell a factor; `spread`: of run means, over their mean."""
+    """Smallest number of runs that detect a factor; `spread`: that of run means, over their
+    mean."""
     shift = 2 * math.log(TELLING)
 
     def tells(n: int) -> bool:

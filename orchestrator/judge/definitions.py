@@ -1,16 +1,16 @@
-"""The definitions: truth, error, broken, NEES, inconsistent, percentile, late, lost.
+"""Definitions: truth, error, broken, NEES, inconsistent, percentile, late, lost.
 
-The tables of a run (`sblcosim.judge.metrics`) and the sums of a study (`sblcosim.results.sums`)
-are built on this module. The lanes master in C (``c/lanes_master.c``) matches it to the last bit,
-and counts the estimates that it cannot judge.
+The tables of a run (`sblcosim.judge.metrics`) and the sums of a study (`sblcosim.results.sums`) are
+built on this module. The lanes master in C (``c/lanes_master.c``) matches it to the last bit and
+counts the estimates that it cannot judge.
 
-**Epoch.** An estimate is judged at its epoch, which may be any time within the run. An epoch that
-equals the time in seconds of a recorded instant is that instant; any other is rounded to the
-nearest nanosecond.
+**Epoch.** An estimate is judged at its epoch, which may be any time within the run. An epoch equal
+to the time in seconds of a recorded instant is that instant. Any other is rounded to the nearest
+nanosecond.
 
-**Truth.** At one of the target's own instants, the truth is the recorded state, bit by bit; between
-them it is the cubic Hermite polynomial through the states at both ends. The platform's position and
-the error of its reports hold until its next instant.
+**Truth.** At one of the target's own instants, the truth is the recorded state, to the bit. Between
+instants it is the cubic Hermite polynomial through the states at both ends. The platform's position
+and the error of its reports hold until its next instant.
 
 **Error.** Estimate minus truth (the paper's equation 10 has the opposite sign), north, east, down,
 in three frames:
@@ -18,25 +18,24 @@ in three frames:
 - *absolute*: ``x̂ − x``;
 - *relative* to the platform as it reports itself: the absolute error minus the mean over the
   beacons of reported minus true position, so that a GPS error common to all beacons does not
-  count. Of a receiver that filters the reports this charges the noise that it has left out;
-- *own relative*, to the platform's true position, by the receiver's own account: ``d̂ − (x − p)``,
-  with its output ``relative_position`` d̂ and the true position p of the platform's reference
-  point. Receivers without that output have no such error.
+  count. A receiver that filters out GPS noise is therefore charged with the noise it removed;
+- *own relative*, to the platform's true position, as the receiver itself estimates it: ``d̂ − (x −
+p)``, with its output ``relative_position`` d̂ and the true position p of the platform's reference
+point. Receivers without that output have no such error.
 
-**Broken** is an estimate whose epoch lies outside the run, or whose squared errors are not finite,
-in any of its frames.
+**Broken**: an estimate whose epoch lies outside the run, or whose squared errors are not finite in
+one of its frames.
 
-**NEES** is ``eᵀ P⁻¹ e``; of the own relative error, P is the output ``relative_covariance``. P
-must be positive definite: each pivot of ``P = L D Lᵀ`` is above 10⁻¹⁴ of its diagonal element.
+**NEES**: ``eᵀ P⁻¹ e``. For the own relative error, P is the output ``relative_covariance``. P must
+be positive definite: each pivot of ``P = L D Lᵀ`` is above 10⁻¹⁴ of its diagonal element.
 
-**Inconsistent** is a run whose mean position NEES lies above its 95 % band; unknown without any
-NEES.
+**Inconsistent**: a run whose mean position NEES lies above its 95 % band; unknown without any NEES.
 
-**Percentile** p of the lengths of the errors, horizontal or total, is the order statistic
-x₍⌈p n / 100⌉₎ of the n estimates that count: 50 % of the horizontal error is CEP50, 95 % is R95.
+**Percentile** p of the lengths of the errors, horizontal or total: the order statistic x₍⌈p n /
+100⌉₎ of the n estimates that count. 50 % of the horizontal error is CEP50, 95 % is R95.
 
-**Late** is an estimate whose epoch lies in the last quarter of the run. **Lost** is a run without
-late estimates, or one in which their RMS error exceeds the RMS true distance to the platform.
+**Late**: an estimate whose epoch lies in the last quarter of the run. **Lost**: a run without late
+estimates, or one in which their RMS error exceeds the RMS true distance to the platform.
 """
 
 from __future__ import annotations
@@ -56,34 +55,34 @@ from ..shown import Shown
 special = Module("scipy.special")
 
 LOST = (
-    "Lost is judged in the last quarter of a run alone: off by more than the diver is from the "
-    "platform, or without an estimate. A run that ends well is not lost, whatever was before."
+    "A run is lost if, in its last quarter, it is off by more than the diver's distance from the "
+    "platform or has no estimate. Earlier errors do not count if the run ends well."
 )
-"""What the share of lost runs counts, for people."""
+"""What the share of lost runs counts, in words for people."""
 
 AXES = ("x", "y", "z")
 FRAMES = ("absolute", "relative", "own_relative")
 PREFIXES = {"absolute": "", "relative": "relative_", "own_relative": "own_relative_"}
-"""What the names of a frame's columns and sums begin with."""
+"""Prefixes of the names of a frame's columns and sums."""
 FRAME_WORDS = {
     "absolute": "absolute",
     "relative": "relative to the platform as it reports itself",
-    "own_relative": "relative to the platform's true position, by the receiver's own account",
+    "own_relative": "relative to the platform's true position, as the receiver estimates it",
 }
 OWN_PORT = "relative_position"
-"""Output of the receivers that have own relative errors."""
+"""Output of receivers that have own relative errors."""
 POSITION_STATES = [0, 2, 4]
 """Indices of the position in the state (x, vx, y, vy, z, vz)."""
 CONFIDENCE = 0.95
 PIVOT = 1e-14
-"""Smallest usable pivot, as a share of its diagonal element; as ``PIVOT`` in the C code."""
+"""Smallest usable pivot, as a share of its diagonal element; same as ``PIVOT`` in the C code."""
 PERCENTAGES = (50, 67, 95, 100)
-"""Percentages of the order statistics; 100 is the largest error."""
+"""Percentages of the percentiles; 100 is the largest error."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Judged(Shown):
-    """A receiver's m estimates with the truth, in the order in which they became available.
+    """A receiver's m estimates and the truth, in the order in which they became available.
 
     Attributes
     ----------
@@ -101,12 +100,12 @@ class Judged(Shown):
         Errors in the absolute and the relative frame [m]; shape (m, 3).
     square, relative_square, distance_square
         Squared lengths of the errors, and squared true distance to the platform [m²]; shape (m,).
-        What is relative to the platform is None where its true motion is not known.
+        Quantities relative to the platform are None if its true motion is unknown.
     nees
         NEES of the absolute position; shape (m,); NaN without a positive definite covariance.
     own_relative, own_relative_square, own_relative_nees
         Errors [m] in the own relative frame, shape (m, 3), their squared lengths [m²] and NEES,
-        shape (m,); None for a receiver that has none.
+        shape (m,); None for a receiver without them.
     """
 
     estimates: Estimates
@@ -131,7 +130,7 @@ class Judged(Shown):
 
 
 def judge(record: Record, receiver: str) -> Judged:
-    """Compare a receiver's estimates in a record, which contains `TRUTH`, with the truth there."""
+    """Compare a receiver's estimates in a record, which contains `TRUTH`, with that truth."""
     return judged_by(record.estimates(receiver), of_record(record))
 
 
@@ -142,7 +141,7 @@ def judged_by(estimates: Estimates, truth: Truth) -> Judged:
     known = epoch[inside]
 
     def of_run(values: Floats) -> Floats:
-        """Expand values at the epochs within the run to all epochs; the others are NaN."""
+        """Expand values at the epochs within the run to all epochs; other values are NaN."""
         everywhere = np.full((len(epoch), *values.shape[1:]), np.nan)
         everywhere[inside] = values
         return everywhere
@@ -185,12 +184,12 @@ def judged_by(estimates: Estimates, truth: Truth) -> Judged:
 def _own_relative(
     estimates: Estimates, away: Floats | None
 ) -> tuple[Floats, Floats, Floats] | tuple[None, None, None]:
-    """Own relative errors [m], their squared lengths [m²] and NEES; None where not known.
+    """Own relative errors [m], their squared lengths [m²] and NEES; None if unknown.
 
     Parameters
     ----------
     away
-        True position minus that of the platform [m]; shape (m, 3).
+        True position minus the platform's true position [m]; shape (m, 3).
     """
     if estimates.relative_position is None or away is None:
         return None, None, None
@@ -208,12 +207,12 @@ def chosen(judged: Judged, which: Flags) -> Judged:
 
 
 def horizontal_square(x: Floats, y: Floats) -> Floats:
-    """Square of the horizontal length [m²], summed in the order of the C."""
+    """Square of the horizontal length [m²], summed in the order of the C code."""
     return x * x + y * y
 
 
 def errors_of(judged: Judged) -> dict[str, tuple[Floats, Floats]]:
-    """Errors [m], shape (m, 3), and their squared lengths [m²], by the frames that there are."""
+    """Errors [m], shape (m, 3), and their squared lengths [m²], by frame."""
     errors = {"absolute": (judged.error, judged.square)}
     if judged.relative is not None and judged.relative_square is not None:
         errors["relative"] = (judged.relative, judged.relative_square)
@@ -223,7 +222,7 @@ def errors_of(judged: Judged) -> dict[str, tuple[Floats, Floats]]:
 
 
 def length_squares(judged: Judged) -> dict[str, Floats]:
-    """Squared lengths of the errors [m²], e.g. ``absolute_horizontal``; shape (m,)."""
+    """Squared lengths of the errors [m²], for example ``absolute_horizontal``; shape (m,)."""
     squares = {}
     for frame, (error, total) in errors_of(judged).items():
         squares[f"{frame}_horizontal"] = horizontal_square(error[:, 0], error[:, 1])
@@ -232,7 +231,7 @@ def length_squares(judged: Judged) -> dict[str, Floats]:
 
 
 def percentile_column(percentage: int) -> str:
-    """Column name of an order statistic: ``p95_m``, or ``max_m`` for 100."""
+    """Column name of a percentile: ``p95_m``, or ``max_m`` for 100."""
     return "max_m" if percentage == 100 else f"p{percentage}_m"
 
 
@@ -319,7 +318,7 @@ def chi_square_band(degrees: Any, samples: Any) -> tuple[Any, Any]:
     Notes
     -----
     The errors in one run are correlated in time, so the mean of a consistent filter leaves this
-    band in more than one run in twenty. It is a yardstick, not a test; a test takes the mean over
+    band in more than one run in twenty. It is a yardstick, not a test. A test takes the mean over
     many runs at one epoch.
     """
     tail = (1 - CONFIDENCE) / 2
@@ -330,7 +329,7 @@ def chi_square_band(degrees: Any, samples: Any) -> tuple[Any, Any]:
 
 
 def in_order(values: Floats) -> float:
-    """Sum in sequence, as the C code does; NumPy's own sum adds in another order."""
+    """Sum in sequence, as the C code does; NumPy's own sum adds in a different order."""
     return float(np.add.accumulate(np.append(0.0, values))[-1])
 
 
@@ -345,7 +344,7 @@ def inconsistent(mean_nees: Any, samples: Any) -> tuple[Any, Any]:
     Returns
     -------
     inconsistent, known
-        Flags; a run that is not known is not flagged as inconsistent.
+        Flags; an unknown run is not flagged as inconsistent.
     """
     known = samples > 0
     with np.errstate(invalid="ignore"):

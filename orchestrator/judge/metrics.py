@@ -1,7 +1,7 @@
 """Quality of a run's estimates: errors, availability and consistency, as tables.
 
-Errors and all other terms are defined in `sblcosim.judge.definitions`. All functions here are
-pure functions of records and tables.
+Errors and all other terms are defined in `sblcosim.judge.definitions`. All functions are pure
+functions of records and tables.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ if TYPE_CHECKING:
     from ..data.truth import Truth
 
 REPORTED = "platform.reported_attitude"
-"""An output of our own platform: what its IMU says."""
+"""An output of our own platform: the attitude from its IMU."""
 
 
 def verdict(mean: float, band: tuple[float, float]) -> str:
-    """Judge a filter's covariance by a mean NEES or NIS.
+    """Judge a filter's covariance from a mean NEES or NIS.
 
     Returns
     -------
@@ -58,23 +58,23 @@ def verdict(mean: float, band: tuple[float, float]) -> str:
 
 
 def track(judged: Judged) -> pd.DataFrame:
-    """A receiver's valid estimates with the truth, one row per estimate.
+    """A receiver's valid estimates and the truth, one row per estimate.
 
-    The columns are those of `sblcosim.judge.columns.ESTIMATES`, without those that the receiver
-    has no outputs for. What is relative is left out where the platform's true motion is not known.
+    The columns are those of `sblcosim.judge.columns.ESTIMATES` for which the receiver has outputs.
+    Relative quantities are left out if the platform's true motion is unknown.
     """
     values = {c.name: c.of(judged) for c in ESTIMATES.columns if c.of}
     return pd.DataFrame({name: own for name, own in values.items() if own is not None})
 
 
 def intact(receiver: str, estimates: Estimates, truth: Truth) -> Judged:
-    """Estimates with the truth, none of them broken.
+    """Estimates and the truth, none of them broken.
 
     Raises
     ------
     FmuError
-        An estimate's epoch lies outside of the run, or its position is not finite; ``component`` is
-        the one to blame.
+        An estimate's epoch lies outside the run, or its position is not finite; ``component`` names
+        the culprit.
     """
     judged = judged_by(estimates, truth)
     if judged.broken.any():
@@ -105,8 +105,8 @@ def _problem(receiver: str, judged: Judged, truth: Truth) -> FmuError:
     overflowing = known[0] if not judged.square[i] < np.inf else known[-1]
     name, values = next((n for n in known if not np.isfinite(n[1]).all()), overflowing)
     return FmuError(
-        f"{name}: must be finite and its square, too, in a valid estimate, got {values.tolist()} "
-        f"at epoch {judged.epoch_s[i]:g} s"
+        f"{name}: must be finite, and so must its square, in a valid estimate, got "
+        f"{values.tolist()} at epoch {judged.epoch_s[i]:g} s"
     )
 
 
@@ -116,7 +116,7 @@ def error_table(tracks: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     Parameters
     ----------
     tracks
-        What `track` returns, by receiver.
+        Results of `track`, by receiver.
 
     Returns
     -------
@@ -137,19 +137,19 @@ def error_table(tracks: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
 
 
 def percentile_table(tracks: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """Order statistics of the lengths of the errors, over all valid estimates.
+    """Percentiles of the lengths of the errors, over all valid estimates.
 
     Parameters
     ----------
     tracks
-        What `track` returns, by receiver.
+        Results of `track`, by receiver.
 
     Returns
     -------
     table
         Index: receiver, frame (as in `error_table`), length (``horizontal``, ``total``). Columns
         [m]: those of `sblcosim.judge.columns.PERCENTILES`, x₍⌈p n / 100⌉₎ of n estimates; 50 % of
-        the horizontal error is CEP50, 95 % R95.
+        the horizontal error is CEP50, 95 % is R95.
     """
     rows = {}
     for receiver, estimates in tracks.items():
@@ -178,14 +178,14 @@ def error_column(frame: str, axis: str) -> str:
 
 
 def frames_of(track: pd.DataFrame) -> list[str]:
-    """The frames in which a receiver has errors, from its `track`."""
+    """Frames in which a receiver has errors, from its `track`."""
     return [frame for frame in FRAMES if error_column(frame, "total") in track]
 
 
 def with_errors(
     tracks: Mapping[str, pd.DataFrame], frame: str
 ) -> Mapping[str, pd.DataFrame]:
-    """What `track` returns, of the receivers that have errors in a frame.
+    """The `track` of each receiver that has errors in a frame.
 
     Raises
     ------
@@ -196,14 +196,14 @@ def with_errors(
     some = {receiver: track for receiver, track in tracks.items() if column in track}
     if not some:
         raise ConfigurationError(
-            f"frame: must be one in which a receiver has errors, got {frame!r}, which takes an "
+            f"frame: must be one in which a receiver has errors, got {frame!r}, which needs an "
             f"output {OWN_PORT}"
         )
     return some
 
 
 def availability(time_ns: Integers, valid: NDArray[np.bool_]) -> float:
-    """Share of the time of a run during which a fix was available.
+    """Share of a run's time with an estimate available.
 
     The value of ``valid`` at an instant holds until the next recorded instant.
     """
@@ -216,7 +216,7 @@ def update_share(
 ) -> float:
     """Share of a receiver's updates that gave a new estimate.
 
-    Update k is due at a time k U after the start (U: update interval), and is visible at the next
+    Update k is due k U after the start (U: update interval) and becomes visible at the next
     recorded instant.
     """
     due = (time_ns[-1] - time_ns[0] - 1) // update_interval_ns
@@ -227,7 +227,7 @@ def lost(judged: Judged) -> bool | None:
     """Whether the RMS error in the last quarter of the run exceeds the distance to the platform.
 
     The distance is the RMS true distance at the same epochs. A receiver without an estimate in the
-    last quarter is lost too. None where the platform's true motion is not known.
+    last quarter is lost too. None if the platform's true motion is unknown.
     """
     if judged.distance_square is None:
         return None
@@ -248,8 +248,8 @@ def _fixes(
 ) -> tuple[float, float]:
     """Availability and share of updates.
 
-    Of estimates that were made after the run, availability counts from the first epoch on, and
-    there are no updates.
+    For estimates made after the run, availability counts from the first epoch on, and there are no
+    updates.
     """
     if record is None or f"{receiver}.update_count" not in record.values:
         length, epochs = truth.stop_ns - truth.start_ns, judged.estimates.epoch_ns
@@ -263,7 +263,7 @@ def _fixes(
 
 
 def _consistency(estimates: pd.DataFrame) -> dict[str, Any]:
-    """Means of NEES and NIS, with their bands and verdicts; of a `track`."""
+    """Means of NEES and NIS, with their bands and verdicts, from a `track`."""
     row: dict[str, Any] = {}
     n = len(estimates)
     each = estimates.get("nis_degrees", pd.Series(np.zeros(n))).to_numpy()
@@ -303,11 +303,11 @@ def summary(
 ) -> pd.DataFrame:
     """Availability and consistency of each receiver; one row per receiver.
 
-    The columns are those of `sblcosim.judge.columns.SUMMARY`, but ``failure``. ``update_share``
-    is NaN if the update interval is not given, and for estimates that were made after the run. What
-    concerns NEES and NIS is NaN without the outputs for it; ``…_expected`` is the mean degrees of
-    freedom, and ``…_low`` to ``…_high`` is `definitions.chi_square_band`. ``inconsistent`` is
-    missing without any NEES, ``lost`` where the platform's true motion is not known.
+    The columns are those of `sblcosim.judge.columns.SUMMARY` except ``failure``. ``update_share``
+    is NaN without an update interval, and for estimates made after the run. Columns of NEES and NIS
+    are NaN without the outputs for them. ``…_expected`` is the mean degrees of freedom, and
+    ``…_low`` to ``…_high`` is `definitions.chi_square_band`. ``inconsistent`` is missing without
+    any NEES, ``lost`` if the platform's true motion is unknown.
     """
     rows = {}
     for receiver, own in judged.items():
@@ -334,7 +334,7 @@ def summary(
 
 
 def inclines(record: Record) -> bool:
-    """Whether the platform's attitude changes in a run, or is reported wrongly."""
+    """Whether the platform's attitude changes in a run, or is reported with errors."""
     true = record.values["platform.attitude"]
     reported = record.values.get(REPORTED, true)
     return bool(np.ptp(true, axis=0).any()) or not np.array_equal(true, reported)

@@ -1,9 +1,10 @@
-"""What the RMS error over several runs is: one definition, for all that prints one.
+"""RMS error over several runs: one definition for the whole project.
 
-It is the root of the mean over the runs of their mean squares. A run counts once, however many
-estimates it has, as a seed is one observation. The mean of the runs' RMS is less, by the more, the
-more the runs differ. Where the response of a run is analysed (effects, differences, percentiles
-over runs), that is the run's own RMS, and its mean is called a mean of the runs' RMS.
+It is the root of the mean over runs of their mean squares (pooled). Each run counts once, however
+many estimates it has, because a seed is one observation. The mean of the runs' RMS errors is
+smaller, the more so the more the runs differ. Where the response of a run is analysed (effects,
+differences, percentiles over runs), it is the run's own RMS error, and its mean is called a mean of
+the runs' RMS errors.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 SUFFIX = "_rms_m"
-"""What the columns of RMS errors end with."""
+"""Suffix of the columns of RMS errors."""
 
 
 def rms_over_runs(squares: Floats) -> float:
@@ -27,7 +28,7 @@ def rms_over_runs(squares: Floats) -> float:
 
 
 def pooled(rms: Floats) -> float:
-    """RMS error over runs [m], from that of each [m]; NaN: it has failed, and is left out."""
+    """RMS error over runs [m], from the RMS error of each [m]; failed runs (NaN) are left out."""
     known = rms[np.isfinite(rms)]
     return rms_over_runs(known**2) if len(known) else np.nan
 

@@ -1,4 +1,4 @@
-"""What was possible in a run, beside what its receivers have reached: in lines and in figures."""
+"""What was possible in a run, next to what its receivers achieved: in lines and in figures."""
 
 from __future__ import annotations
 
@@ -18,35 +18,36 @@ if TYPE_CHECKING:
 
 _NOTES = {
     "bound": (
-        "Bound: the posterior Cramér-Rao bound for what was received until then. No filter can be "
-        "better (with the stated priors), on the average over runs; one run may have luck."
+        "Bound: the posterior Cramér-Rao bound for what had been received by then. No filter can "
+        "be "
+        "better on average over runs, given the stated priors; a single run may be lucky."
     ),
     "reference": (
-        "Reference: the posterior Cramér-Rao recursion for what was received until then, q = "
-        "{q:.2g} m²/s³ of this path. A path is not drawn from any model: this is a yardstick, and "
-        "no bound."
+        "Reference: the posterior Cramér-Rao recursion for what had been received by then, with "
+        "q = {q:.2g} m²/s³ from this path. A given path is not drawn from a model, so this is a "
+        "yardstick, not a bound."
     ),
 }
 _WITHOUT = (
-    "Without: keys of [platform] that are not zero, and whose errors neither bound nor reference "
-    "knows; with them less is possible."
+    "Without: nonzero keys of [platform] whose errors neither bound nor reference includes; with "
+    "them less is possible."
 )
 _COVARIANCE = {"absolute": "absolute", "own_relative": "relative"}
-"""Frames of errors, and the covariance of `Limits` that goes with each."""
+"""Frames of errors, and the matching covariance of `Limits`."""
 FILL_ALPHA = 0.1
 
 
 def limits_of(
     description: RunDescription, record: Record, epochs_ns: Mapping[str, Integers]
 ) -> Limits | None:
-    """What was possible in a run; None if its surroundings are not all our own.
+    """What was possible in a run; None unless all its surroundings are our own.
 
     Parameters
     ----------
     epochs_ns
-        Of the estimates of each receiver [ns].
+        Epochs of each receiver's estimates [ns].
     """
-    from ..limits.run import of_run  # it takes long, and who only draws has its result
+    from ..limits.run import of_run  # slow to import, and drawing alone does not need it
 
     at = np.concatenate([np.zeros(0, np.int64), *epochs_ns.values()])
     return of_run(record, description.scenario, description.fmus, at)
@@ -63,7 +64,7 @@ def verdicts(
 
 
 def lines(possible: Mapping[str, Possible]) -> Iterator[str]:
-    """What was possible, for the receivers together for which that is the same."""
+    """What was possible, with receivers grouped if it is the same for them."""
     whose: dict[str, list[str]] = {}
     for name, verdict in possible.items():
         whose.setdefault(str(verdict), []).append(name)
@@ -72,7 +73,7 @@ def lines(possible: Mapping[str, Possible]) -> Iterator[str]:
 
 
 def notes(possible: Mapping[str, Possible]) -> list[str]:
-    """What these lines mean."""
+    """Explanation of these lines."""
     for verdict in possible.values():
         without = [_WITHOUT] if verdict.without else []
         return [_NOTES[verdict.kind].format(q=verdict.acceleration_psd), *without]
@@ -82,12 +83,12 @@ def notes(possible: Mapping[str, Possible]) -> list[str]:
 def draw(
     axes: Sequence[Axes], limits: Limits | None, frame: str, since_s: float, look: Theme
 ) -> None:
-    """±2σ for north, east and down, and √trace for the total, behind all else; no ring.
+    """±2σ for north, east and down, and √trace for the total, behind everything else; no ring.
 
     Parameters
     ----------
     since_s
-        Epoch of the first estimate of all [s]: before it there is nothing to compare with.
+        Epoch of the first estimate [s]: before it there is nothing to compare with.
     """
     if limits is None or frame not in _COVARIANCE:
         return

@@ -1,7 +1,7 @@
-"""What can be said of estimates without the truth: whether they agree with samples, or each other.
+"""Judging estimates without a truth: agreement with samples and with each other.
 
-Small residuals are necessary for good estimates, and not sufficient: an error that all ranges
-share, as that of a clock, leaves none where it moves the estimate instead.
+Small residuals are necessary for good estimates, but not sufficient. An error common to all ranges,
+such as that of a clock, may move the estimate and leave no residuals.
 """
 
 from __future__ import annotations
@@ -20,27 +20,27 @@ from .metrics import of_chi_square
 
 
 def residuals(estimates: Estimates, samples: Samples, body: Floats | None = None) -> pd.DataFrame:
-    """Ranges and depths, less those of the estimates at the same times.
+    """Measured ranges and depths minus those of the estimates at the same times.
 
-    Between two estimates the diver goes straight on; samples before the first and after the last
-    estimate do not count.
+    Between two estimates the diver is assumed to move in a straight line. Samples before the first
+    and after the last estimate do not count.
 
     Parameters
     ----------
     body
-        Nominal positions of the beacons, body frame [m], shape (beacons, 3), for packets that tell
-        the pose of the platform and not where their own beacon is.
+        Nominal positions of the beacons, body frame [m], shape (beacons, 3), for packets that hold
+        the platform's pose instead of their own beacon's position.
 
     Returns
     -------
     table
-        Index: ``beacon 1`` … of those heard, and ``depth``. Columns: those of the table of errors
-        (`sblcosim.judge.columns.ERRORS`), and ``median_m``, which outliers hardly move.
+        Index: ``beacon 1`` … of the beacons heard, and ``depth``. Columns: those of the table of
+        errors (`sblcosim.judge.columns.ERRORS`), and ``median_m``, which outliers hardly affect.
 
     Raises
     ------
     ConfigurationError
-        There are packets with a pose, and no ``body``.
+        There are packets with a pose, but no ``body``.
     """
     beacon = samples.beacon_position(body)
     heard, at = _between(estimates, samples.range_ns)
@@ -56,13 +56,13 @@ def residuals(estimates: Estimates, samples: Samples, body: Floats | None = None
 
 
 def agreement(estimates: Mapping[str, Estimates]) -> pd.DataFrame:
-    """How far receivers are from each other, at the epochs of the first of each pair.
+    """Distance between receivers, at the epochs of the first of each pair.
 
     Returns
     -------
     table
         Index: both receivers. Columns: ``horizontal_rms_m``, ``total_rms_m``, ``max_m`` and ``n``;
-        NaN for receivers that were never there at the same time.
+        NaN for receivers that were never available at the same time.
     """
     rows = {}
     for (one, first), (other, second) in combinations(estimates.items(), 2):

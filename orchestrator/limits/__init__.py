@@ -1,4 +1,4 @@
-"""What is possible: dilution of precision, a closed form, and the reference beside every run.
+"""What is possible: dilution of precision, a closed form, and the reference for every run.
 
 >>> from sblcosim import limits                                            # doctest: +SKIP
 >>> limits.hdop([15.0, 0.0, 5.0], limits.cross(3.0))                       # doctest: +SKIP
@@ -25,7 +25,7 @@ __all__ = [
     "cross", "fisher_factor", "hdop", "path_psd", "reference",
 ]  # fmt: skip
 
-if not TYPE_CHECKING:  # a checker would take any name for one of ours
+if not TYPE_CHECKING:  # a checker would accept any name as one of ours
     __getattr__, __dir__ = lazy.names(
         __name__,
         {

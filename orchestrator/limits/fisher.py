@@ -1,4 +1,4 @@
-"""What outliers leave of the information in a range."""
+"""The information in a range that remains despite outliers."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ _CORE, _STEP = 10.0, 0.005
 _TAIL = 40.0
 """Length of the tail, in mean excesses."""
 _SMALLEST = 1e-3
-"""Mean excess, in standard deviations, that is as good as none: I is 1 to O(1e-6)."""
+"""Mean excess, in standard deviations, that has no effect: I is 1 to O(1e-6)."""
 
 
 def fisher_factor(
     std: float, probability: float, mean: float, distribution: str = "exponential"
 ) -> float:
-    """Information about the location of a contaminated range, as a share of that of its noise.
+    """Information about the location of a contaminated range, relative to one with noise alone.
 
     I = σ² ∫ f′²/f with f = (1 − π) N(0, σ²) + π (N(0, σ²) ⊕ excess): a range with such noise is
-    worth as much as one with Gaussian noise of variance σ²/I. In units of σ, with the mean excess
-    μ, the late part is g(z) = exp(1/2μ² − z/μ) Φ(z − 1/μ)/μ, g′ = (φ − g)/μ for an exponential
-    excess, and g(z) = 2/ω φ(z/ω) Φ(s z/ω), s = μ √(π/2), ω² = 1 + s² for a half-normal one.
+    worth as much as one with Gaussian noise of variance σ²/I. In units of σ, with mean excess μ,
+    the late part is g(z) = exp(1/2μ² − z/μ) Φ(z − 1/μ)/μ, g′ = (φ − g)/μ for an exponential excess,
+    and g(z) = 2/ω φ(z/ω) Φ(s z/ω), s = μ √(π/2), ω² = 1 + s² for a half-normal one.
 
     Parameters
     ----------
     std
-        σ, of the white noise [m].
+        σ, standard deviation of the white noise [m].
     probability, mean
-        π of an outlier, and its mean excess [m].
+        π, probability of an outlier, and its mean excess [m].
     distribution
         ``exponential`` or ``half_normal``.
 
@@ -47,7 +47,7 @@ def fisher_factor(
     if probability <= 0 or mean <= _SMALLEST * std:
         return 1.0
     if std <= 0 or mean >= 1e6 * std:
-        return 1.0 - probability  # what is late is recognised, and is worth nothing
+        return 1.0 - probability  # a late range is recognised and holds no information
     mu = mean / std
     core = np.linspace(-_CORE, _CORE, round(2 * _CORE / _STEP) + 1)
     tail = np.geomspace(_CORE, _CORE + _TAIL * max(mu, 1.0), 4001)

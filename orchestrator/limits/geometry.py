@@ -1,9 +1,9 @@
-"""Dilution of precision: how ranges of 1 m standard deviation become an error of position.
+"""Dilution of precision: position error for ranges with a standard deviation of 1 m.
 
-With the depth known, a range from beacon i at s_i says of the horizontal position x what its unit
-vector u_i = (x − s_i)/|x − s_i| says: G = Σ u_h u_hᵀ, and G⁻¹ is the covariance per unit of σ_r².
-A common error of all ranges (an unknown clock) takes the part along the mean of the u away:
-G = Σ u_h u_hᵀ − (Σ u_h)(Σ u_h)ᵀ/N, the Schur complement.
+With the depth known, a range from beacon i at s_i observes the horizontal position x along its unit
+vector u_i = (x − s_i)/|x − s_i|: G = Σ u_h u_hᵀ, and G⁻¹ is the covariance per unit of σ_r². An
+error common to all ranges (an unknown clock) removes the part along the mean of the u: G = Σ u_h
+u_hᵀ − (Σ u_h)(Σ u_h)ᵀ/N, the Schur complement.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _SINGULAR = 1e-12
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Dilution(Shown):
-    """Standard deviations of a fix per metre of a range's; infinite where there is no fix.
+    """Standard deviations of a fix per metre of range error; infinite where there is no fix.
 
     Attributes
     ----------
@@ -45,16 +45,16 @@ def cross(arm: float, depth: float = 0.5) -> Floats:
 
 
 def hdop(position: ArrayLike, beacons: ArrayLike, *, unknown_clock: bool = False) -> Dilution:
-    """Horizontal dilution of precision of simultaneous ranges, the depth being known.
+    """Horizontal dilution of precision of simultaneous ranges with known depth.
 
     Parameters
     ----------
     position
-        Of the diver, NED [m]; any shape (…, 3), e.g. a grid.
+        Position of the diver, NED [m]; any shape (…, 3), for example a grid.
     beacons
         Their positions, NED [m]; shape (N, 3), in any arrangement.
     unknown_clock
-        All ranges have one common, unknown error.
+        Whether all ranges share one unknown error.
     """
     x, s = np.asarray(position, float), np.asarray(beacons, float)
     o = x[..., None, :] - s

@@ -1,8 +1,8 @@
 """Percentiles of the length of a Gaussian error.
 
-|e|² of e ~ N(0, diag λ) is Σ λ_i z_i². In polar coordinates z = r u, r² is χ² with three degrees of
-freedom and independent of the direction u, so P(|e|² ≤ x) is the mean over the sphere of
-F(x/Σ λ_i u_i²), F(y) = erf √(y/2) − √(2y/π) e^(−y/2): a smooth function of an octant, which a Gauss
+For e ~ N(0, diag λ), |e|² is Σ λ_i z_i². In polar coordinates z = r u, r² is χ² with three degrees
+of freedom and independent of the direction u. P(|e|² ≤ x) is therefore the mean over the sphere of
+F(x/Σ λ_i u_i²), F(y) = erf √(y/2) − √(2y/π) e^(−y/2): a smooth function on an octant, which a Gauss
 rule integrates.
 """
 
@@ -24,12 +24,12 @@ _ENOUGH = 1e-6
 
 
 def percentile(covariances: Floats, share: float = 0.95) -> Floats:
-    """Length that an error stays below with a probability, if its covariance is one of several.
+    """Length that an error does not exceed with a given probability, for a mixture of covariances.
 
     Parameters
     ----------
     covariances
-        Shape (epochs, n, d, d), d = 1 to 3; each epoch has the same part in it.
+        Shape (epochs, n, d, d), d = 1 to 3; all epochs have the same weight.
     share
         The probability.
 

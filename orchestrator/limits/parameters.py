@@ -1,4 +1,4 @@
-"""The parameters of the model, from a scenario's own true values."""
+"""The parameters of the model, from a scenario's true values."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ Floats = NDArray[np.float64]
 def parameters(
     scenario: Scenario, acceleration_psd: float | None = None, receiver: Component = COUPLED
 ) -> Any:
-    """Parameters of a receiver, by name and in SI units, as the scenario's true values say.
+    """Parameters of a receiver by name, in SI units, from the scenario's true values.
 
-    ``range_std`` is σ_r/√I with the factor of `fisher_factor`; ``acceleration_psd`` is that of the
-    target if its motion is drawn from the model, else the one given.
+    ``range_std`` is σ_r/√I with the factor of `fisher_factor`. ``acceleration_psd`` is the target's
+    if its motion is drawn from the model, otherwise the given one.
     """
     a = scenario.acoustics
     share = fisher_factor(
@@ -40,14 +40,15 @@ def parameters(
 def model_of(
     scenario: Scenario, acceleration_psd: float | None = None, own_beacon: bool = False
 ) -> ReceiverModel:
-    """The model of a scenario for the recursion: that of beacons with own errors, if they have any.
+    """The model of a scenario for the recursion; the beacons' own errors are in it if they have
+    any.
 
     Parameters
     ----------
     acceleration_psd
-        As of `parameters`.
+        See `parameters`.
     own_beacon
-        Packets tell where their own beacon is, and nothing else of the platform.
+        Whether packets hold only their own beacon's position.
     """
     own_errors = has_own_errors(scenario.platform)
     a = scenario.acoustics
@@ -69,7 +70,7 @@ def beacons_of(p: Any) -> Floats:
 
 
 def own_beacon(scenario: Scenario) -> bool:
-    """Whether a packet tells the receiver where its own beacon is, and nothing else."""
+    """Whether packets hold only their own beacon's position."""
     coupled = scenario.receiver.type == "coupled"
     return bool(
         CONTENTS[scenario.acoustics.packet_content].only_own
@@ -84,13 +85,13 @@ def spread_of(beacons: Floats) -> float:
 
 
 def conditions(scenario: Scenario, acceleration_psd: float | None = None) -> Conditions:
-    """What `closed_form` needs to know of a scenario.
+    """The numbers of a scenario that `closed_form` needs.
 
     Parameters
     ----------
     acceleration_psd
-        q of the path [m²/s³], see `path_psd`; None: that of the target if its motion is drawn from
-        the model, else 0.01.
+        q of the path [m²/s³], see `path_psd`; None: the target's if its motion is drawn from the
+        model, otherwise 0.01.
     """
     p = parameters(scenario, acceleration_psd)
     beacons = beacons_of(p)

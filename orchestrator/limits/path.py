@@ -1,4 +1,4 @@
-"""How lively a path is: the density of the white acceleration that a filter should assume."""
+"""Activity of a path: density of the white acceleration that a filter should assume."""
 
 from __future__ import annotations
 
@@ -12,25 +12,24 @@ Floats = NDArray[np.float64]
 
 _PASSES = 30
 _FIRST_PSD = 0.01
-"""q with which the fixed point begins [m²/s³]; it has no influence."""
+"""Initial q of the fixed-point iteration [m²/s³]; it has no influence."""
 
 
 def path_psd(time_s: Floats, velocity: Floats, noise_density: float) -> float:
-    """q of a path over the memory of the filter that it is for.
+    """q of a path over the memory of its filter.
 
-    q = E|Δv_h(τ)|²/2τ, half for each axis, with τ = (R T_eff/q)^¼: how long the Kalman filter of
-    that q remembers. It is what the acceleration of the path looks like to this filter, whatever
-    its law.
+    q = E|Δv_h(τ)|²/2τ, half for each axis, with τ = (R T_eff/q)^¼: the memory of the Kalman filter
+    with that q. It is how the acceleration of the path appears to this filter, whatever its law.
 
     Parameters
     ----------
     time_s
-        Increasing [s]; shape (n,).
+        Times, increasing [s]; shape (n,).
     velocity
         True velocity of the diver, NED [m/s]; shape (n, 3).
     noise_density
-        R T_eff [m² s]: variance of the bearing's fix, across the line to the platform, times the
-        time between fixes.
+        R T_eff [m² s]: variance of the fix across the line to the platform, times the time between
+        fixes.
 
     Returns
     -------
@@ -60,9 +59,9 @@ def circle_psd(speed: float, radius: float, noise_density: Floats, duration_s: f
     speed, radius
         v [m/s] and R [m].
     noise_density
-        As of `path_psd` [m² s]; any shape.
+        See `path_psd` [m² s]; any shape.
     duration_s
-        Of a run [s]; no filter remembers more than half of it.
+        Duration of a run [s]; no filter has a memory longer than half of it.
     """
 
     def change(tau: Any) -> Any:
@@ -77,7 +76,7 @@ def circle_psd(speed: float, radius: float, noise_density: Floats, duration_s: f
 def _fixed_point(
     change: Callable[[Any], Any], noise_density: Any, shortest: float, longest: float
 ) -> Any:
-    """q = change(τ)/2τ with τ = (noise density/q)^¼, of one path or of several; 0 for v = 0."""
+    """q = change(τ)/2τ with τ = (noise density/q)^¼, for one path or several; 0 for v = 0."""
     q: Any = np.full(np.shape(noise_density), _FIRST_PSD)
     for _ in range(_PASSES):
         moving = q > 0

@@ -1,8 +1,7 @@
 """The recursion for many divers at once: what is possible at many places of a scenario.
 
-Nothing is random here: a packet that is lost with probability p counts with 1 − p of its
-information, in place of being there or not, and the platform rests at its mean position and
-heading; waves count as what receivers assume of them.
+Nothing is random here. A packet lost with probability p counts with 1 − p of its information, and
+the platform rests at its mean position and heading. Waves count as receivers assume them.
 """
 
 from __future__ import annotations
@@ -28,25 +27,25 @@ Path = Callable[[float], Floats]
 """Positions at a time since the start [s], NED [m]; (n, 3)."""
 
 MOST_STEPS = 300
-"""Of the recursion: of more slots, some count together."""
+"""Maximum number of slots in the recursion; above it, several are combined."""
 MOST_EPOCHS = 8
-"""For which covariances are kept."""
+"""Number of epochs whose covariances are kept."""
 _TOGETHER = 128
-"""Places of a part, whose positions fit into a processor's cache."""
+"""Number of places in one part, whose positions fit into a processor's cache."""
 
 
 @dataclass(frozen=True, eq=False)
 class Covariances:
-    """Covariances of the position of some divers at some epochs, NED [m²]; (epochs, n, 3, 3).
+    """Covariances of divers' positions at some epochs, NED [m²]; (epochs, n, 3, 3).
 
     Attributes
     ----------
     absolute, relative
-        In the world, and relative to the platform.
+        In the world frame, and relative to the platform.
     offset
         True x − p at these epochs [m]; (epochs, n, 3).
     own_errors
-        Each beacon has an error of its own: there is no platform, and relative is absolute.
+        Each beacon has its own error: there is no platform, and relative is absolute.
     """
 
     absolute: Floats
@@ -70,7 +69,7 @@ def _place(scenario: Scenario) -> Floats:
 
 
 def noise_densities(scenario: Scenario, position: Floats) -> Floats:
-    """R T_eff of the bearing's fix at some places [m² s], for `circle_psd`; (n,)."""
+    """R T_eff of the fix across the line to the platform [m² s], for `circle_psd`; (n,)."""
     c = conditions(scenario, 0.0)
     offset = position - still_beacons(scenario).mean(0)
     densities: Floats = c.range_std**2 * (offset**2).sum(1) / max(c.spread, 1e-12) * c.round
@@ -84,16 +83,16 @@ def covariances(
     span_s: tuple[float, float],
     workers: int | None = None,
 ) -> Covariances:
-    """What is possible for divers on given paths, each alone with the platform.
+    """What is possible for divers on given paths, each on its own with the platform.
 
     Parameters
     ----------
     acceleration_psd
         q of each path [m²/s³], see `circle_psd`; (n,).
     span_s
-        When covariances begin to count, and the end, from the start [s].
+        Time at which covariances begin to count, and end time, from the start [s].
     workers
-        Threads; the result does not depend on them. None: all cores.
+        Number of threads; the result does not depend on it. None: all cores.
     """
     model = model_of(scenario, 0.0, own_beacon(scenario))
     epochs = epochs_of(scenario, model, span_s[1])
@@ -121,7 +120,7 @@ def covariances(
 
 
 def epochs_of(scenario: Scenario, model: ReceiverModel, duration_s: float) -> Epochs:
-    """The slots of a run, of which some count together where there are many, at their ends."""
+    """The slots of a run; if there are many, several are combined at their end."""
     a, count = scenario.acoustics, scenario.beacons
     total = max(ceil(duration_s / a.sampling_time_s - 1e-9) - 1, 1)  # the end is not sampled
     there = 1 - a.loss_probability

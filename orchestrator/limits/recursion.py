@@ -2,8 +2,8 @@
 
 J₊ = (Q + Φ J⁻¹ Φᵀ)⁻¹ + Σ Hᵀ H/R, with the rows H at the true state (P. Tichavský, C. H. Muravchik,
 A. Nehorai, Posterior Cramér-Rao bounds for discrete-time nonlinear filtering, IEEE Trans. Signal
-Process. 46, 1998, 1386-1396, for additive Gaussian noise). ``fmus/c/bound.c`` is the recursion,
-`sblcosim.models.receiver.bound` has its equations.
+Process. 46, 1998, 1386-1396, for additive Gaussian noise). ``fmus/c/bound.c`` implements the
+recursion, and `sblcosim.models.receiver.bound` its equations.
 """
 
 from __future__ import annotations
@@ -28,23 +28,23 @@ Integers = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Epochs:
-    """What is true and what is measured at n epochs, for all divers.
+    """True values and measurements at n epochs, common to all divers.
 
     Attributes
     ----------
     step_s
-        Time since the epoch before, or since the start [s]; (n,).
+        Time since the previous epoch, or since the start [s]; (n,).
     readings
-        Readings of the depth sensor, 0 or more; (n,).
+        Number of depth readings, 0 or more; (n,).
     heard
-        Packets received of each beacon, 0 or more: 0.75 is 75 % of the information of one; (n, N).
+        Number of packets received from each beacon; 0.75 is 75 % of the information of one; (n, N).
     packets
-        Packets with the platform's pose; (n,).
+        Number of packets with the platform's pose; (n,).
     platform, attitude
         Its reference point, NED [m], and roll, pitch, yaw [rad]; (n, 3).
     beacons
-        Nominal positions in the body frame, or true ones where beacons have errors of their own,
-        NED [m]; (n, N, 3).
+        Nominal positions in the body frame, or true positions, NED, for beacons with own errors
+        [m]; (n, N, 3).
     """
 
     step_s: Floats
@@ -58,16 +58,16 @@ class Epochs:
 
 @dataclass(frozen=True, eq=False)
 class ReceiverModel:
-    """A receiver's model, and the numbers in it.
+    """A receiver's model with its numbers.
 
     Attributes
     ----------
     name
         A key of `sblcosim.models.receiver.bound.BOUNDS`.
     parameters
-        Has the model's parameters as attributes, but for the first, the diver's own.
+        Has the model's parameters as attributes, except the first, which is the diver's own.
     situation
-        `sblcosim.models.receiver.bound.SITUATION`, by name.
+        Values of `sblcosim.models.receiver.bound.SITUATION`, by name.
     """
 
     name: str
@@ -76,11 +76,11 @@ class ReceiverModel:
 
     @property
     def own_errors(self) -> bool:
-        """Whether each beacon has an error of its own, and there is no platform."""
+        """Whether each beacon has its own error and there is no platform."""
         return self.name == "field"
 
     def values(self) -> Floats:
-        """All numbers in the order of the C."""
+        """All numbers, in the order of the C code."""
         given = [getattr(self.parameters, name) for name in BOUNDS[self.name].parameters]
         return np.array([*given, *(self.situation[name] for name in SITUATION)], float)
 
@@ -105,7 +105,7 @@ def _entry() -> Any:
 
 
 def _whole(values: Floats, shape: tuple[int, ...]) -> Floats:
-    """An array as C reads it, with what is the same at all epochs repeated."""
+    """An array in the layout of the C code; values common to all epochs are repeated."""
     return np.ascontiguousarray(np.broadcast_to(values, shape), np.float64)
 
 
@@ -117,7 +117,7 @@ def covariances(
     keep: Integers | None = None,
     lanes: int = 0,
 ) -> tuple[Floats, Floats]:
-    """Covariances of the divers' positions after the measurements of some epochs.
+    """Covariances of the divers' positions after the measurements at some epochs.
 
     Parameters
     ----------
@@ -128,8 +128,8 @@ def covariances(
     keep
         Numbers of the epochs whose covariances are wanted, increasing; None: all.
     lanes
-        Divers at once: 1, 2, 4 or 8, as far as the processor can; 0: as many as it does well. The
-        numbers do not depend on it.
+        Number of divers at once: 1, 2, 4 or 8 if the processor supports it; 0: as many as it
+        supports well. The numbers do not depend on it.
 
     Returns
     -------
@@ -139,9 +139,9 @@ def covariances(
     Raises
     ------
     BuildError
-        The library must be built, and cannot.
+        The library must be built, but cannot be.
     SblcosimError
-        There are too many beacons, or the processor cannot do that many lanes.
+        There are too many beacons, or the processor does not support that many lanes.
     """
     n, m, count, numbers = *position.shape[:2], epochs.heard.shape[1], model.values()
     shapes = {
@@ -163,7 +163,7 @@ def covariances(
     )
     if _entry()(lanes, ctypes.byref(task)):
         raise SblcosimError(
-            f"bound: must be of at most {BEACONS.most} beacons, and in as many lanes as this "
-            f"processor has, got {count} and {lanes}"
+            f"bound: must have at most {BEACONS.most} beacons, and a number of lanes that this "
+            f"processor supports, got {count} and {lanes}"
         )
     return absolute, relative

@@ -1,4 +1,4 @@
-"""The reference beside a run: what was possible with what was received."""
+"""The reference for a run: what was possible with the measurements received."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _PORTS = (
     "platform.attitude", "acoustics.range_epoch", "acoustics.reception_count",
 )  # fmt: skip
 MOST_EPOCHS = 20_000
-"""Of a run that `of_run` looks at."""
+"""Outputs of a run that `of_run` reads."""
 
 
 @interruptible
@@ -43,24 +43,24 @@ def reference(
 ) -> Limits:
     """The posterior Cramér-Rao recursion along the true path of a run.
 
-    Its model is that of the receiver ``coupled`` without arcs and outliers, or that of
-    ``long_baseline`` where each beacon has an error of its own (`has_own_errors`), its priors and
-    noises are the scenario's true ones, its measurements those that were really received; outliers
-    take their share of the information (`fisher_factor`); other errors are named, in ``without``.
-    Where the motion is drawn from the model (``trajectory = "white_noise_acceleration"``), no
-    receiver can be better on the average over runs, with the stated priors. On any other path q is
-    a choice: by default that of the path over the filter's own memory (`path_psd`).
+    The model is that of the receiver ``coupled`` without arcs and outliers, or that of
+    ``long_baseline`` if each beacon has its own error (`has_own_errors`). Priors and noises are the
+    scenario's true ones, and the measurements are those actually received. Outliers reduce the
+    information (`fisher_factor`); other errors are listed in ``without``. If the motion is drawn
+    from the model (``trajectory = "white_noise_acceleration"``), no receiver can be better on
+    average over runs, given the stated priors. On any other path q is a choice: by default that of
+    the path over the filter's own memory (`path_psd`).
 
     Parameters
     ----------
     record, scenario
-        Of a run of our own target, platform and acoustics.
+        Record and scenario of a run with our own target, platform and acoustics.
     acceleration_psd
         q of the diver [m²/s³].
     own_beacon
-        Packets tell where their own beacon is, and nothing else of the platform.
+        Whether packets hold only their own beacon's position.
     at_ns
-        Further epochs [ns], e.g. those of estimates.
+        Additional epochs [ns], for example those of estimates.
 
     Examples
     --------
@@ -78,7 +78,7 @@ def reference(
         P[:, 0] for P in covariances(model, epochs, position[:, None], np.array([q], float))
     )
     found = limits_of(epoch, absolute, relative, position - epochs.platform, q, is_bound)
-    # Between beacons that are far apart a place is no bearing, and no ring.
+    # With beacons far apart, a position is no bearing, and there is no ring.
     return replace(
         found, ring=found.ring & (not model.own_errors), without=left_out(scenario)
     )
@@ -100,7 +100,7 @@ def of_run(
     estimates_ns
         Epochs of all estimates [ns].
     acceleration_psd
-        As of `reference`.
+        See `reference`.
     """
     ours = isinstance(scenario, Scenario) and all(
         name in fmus and getattr(scenario, name).fmu is None for name in CORE_COMPONENTS
@@ -131,7 +131,7 @@ def psd_of(record: Record, scenario: Scenario) -> float:
 
 
 def events_of(record: Record, at_ns: Integers | None) -> tuple[Integers, Floats, Floats]:
-    """Epochs [ns], and which packets and readings there are at each; (n,), (n, N), (n,)."""
+    """Epochs [ns], and the number of packets and readings at each; (n,), (n, N), (n,)."""
     count = record.values["acoustics.reception_count"].astype(np.int64)
     new = np.diff(count, axis=0, prepend=0) > 0
     heard_ns = epochs_ns(
@@ -152,7 +152,7 @@ def events_of(record: Record, at_ns: Integers | None) -> tuple[Integers, Floats,
 def epochs_along(
     record: Record, model: ReceiverModel, epoch: Integers, heard: Floats, depth: Floats
 ) -> tuple[Floats, Epochs]:
-    """True positions of the diver at epochs, (n, 3), and what there is at them."""
+    """True positions of the diver at epochs, (n, 3), and the true values there."""
     own, time = record.own("target"), record.time_ns
     position, _ = state_at(
         time[own], recorded(record, "target.position")[own],

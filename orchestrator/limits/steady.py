@@ -1,12 +1,12 @@
-"""What the steady state of a filter reaches, without a recursion.
+"""Steady-state accuracy of a filter, without a recursion.
 
-A position with white acceleration of density q, observed every T with a variance R, is known to
-σ² = √2 q^¼ (R T)^¾ per axis: the Kalman-Bucy filter of a double integrator with noise of density
-R T. The four ranges of a round, T_eff = N T/(1 − loss), observe the axis across the line to the
-platform with R = σ_r² ρ²/½Σ|b − b̄|² (for a cross: (σ_r ρ/√2 b)²) and the one along it with
-R = σ_r² (ρ/R_h)²/N (four: (σ_r ρ/2 R_h)²). White noise of the heading adds R_h² σ_ψ² T/(1 − loss)
-to the noise density across. All this holds where the filter's memory τ = (R T_eff/q)^¼ is longer
-than T_eff, and shorter than what the diver needs to go some way round the platform.
+A position with white acceleration of density q, observed every T with variance R, reaches σ² = √2
+q^¼ (R T)^¾ per axis: the Kalman-Bucy filter of a double integrator with noise of density R T. The
+four ranges of a round, T_eff = N T/(1 − loss), observe the axis across the line to the platform
+with R = σ_r² ρ²/½Σ|b − b̄|² (for a cross: (σ_r ρ/√2 b)²), and the one along it with R = σ_r²
+(ρ/R_h)²/N (four: (σ_r ρ/2 R_h)²). White noise of the heading adds R_h² σ_ψ² T/(1 − loss) to the
+noise density across. This holds if the filter's memory τ = (R T_eff/q)^¼ is longer than T_eff and
+shorter than the time in which the diver moves noticeably round the platform.
 """
 
 from __future__ import annotations
@@ -23,28 +23,29 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Conditions:
-    """What the closed form depends on.
+    """Inputs of the closed form.
 
     Attributes
     ----------
     range_std, depth_std
-        Of a range and of a depth reading [m].
+        Standard deviations of a range and of a depth reading [m].
     spread
         ½ Σ|b − b̄|² of the horizontal arms [m²]; 2 b² for a cross with arms of length b.
     beacons
-        Their number N.
+        Number N of beacons.
     together
-        How many of them ping in the same slot.
+        Number of beacons that ping in the same slot.
     slot
         T, time between packets and between depth readings [s].
     loss
-        Share of packets that are lost.
+        Share of packets lost.
     acceleration_psd
         q of the diver, per axis [m²/s³].
     common_std
-        Of what only the absolute position suffers from, per axis: coloured GPS errors [m].
+        Standard deviation of errors of the absolute position only, per axis: coloured GPS errors
+        [m].
     heading_std, heading_noise_std
-        Of what does not average out of the heading, and of its white noise [rad].
+        Standard deviations of the heading's lasting error and of its white noise [rad].
     """
 
     range_std: float
@@ -61,12 +62,12 @@ class Conditions:
 
     @property
     def slots(self) -> float:
-        """In a round."""
+        """Number of slots in a round."""
         return self.beacons / self.together
 
     @property
     def round(self) -> float:
-        """T_eff [s]: the mean time from one packet of a beacon to its next."""
+        """T_eff [s]: mean time from one packet of a beacon to the next."""
         return self.slots * self.slot / (1 - self.loss) if self.loss < 1 else np.inf
 
 
@@ -79,9 +80,9 @@ class ClosedForm(Shown):
     cross, radial, depth
         By axis, relative to the platform.
     relative, absolute
-        Roots of the sums of all variances.
+        Square roots of the sums of all variances.
     fix_cross, fix_radial
-        Of the fix from one round of ranges: σ_r times the dilution of precision.
+        For the fix from one round of ranges: σ_r times the dilution of precision.
     """
 
     cross: Floats
@@ -101,7 +102,8 @@ def closed_form(offset: ArrayLike, conditions: Conditions) -> ClosedForm:
     Parameters
     ----------
     offset
-        Of the diver from the beacons' centre, NED [m]; any shape (…, 3), e.g. a grid.
+        Position of the diver relative to the beacons' centre, NED [m]; any shape (…, 3), for
+        example a grid.
     """
     o, c = np.asarray(offset, float), conditions
     distance = np.sqrt((o**2).sum(-1))
@@ -130,12 +132,12 @@ def closed_form(offset: ArrayLike, conditions: Conditions) -> ClosedForm:
 
 
 def _density(R: Floats, interval: float) -> Floats:
-    """R T, and 0 where R is, however long T."""
+    """R T, or 0 where R is 0, however long T."""
     return np.where(R > 0, np.where(R > 0, R, 1.0) * interval, 0.0)
 
 
 def steady_variance(q: float, density: Floats) -> Floats:
-    """√2 q^¼ (R T)^¾ [m²] of a density R T [m² s]; 0 where q or that is."""
+    """√2 q^¼ (R T)^¾ [m²] for a density R T [m² s]; 0 where q or the density is 0."""
     known = density > 0 if q > 0 else np.zeros_like(density, bool)
     variance: Floats = np.sqrt(2) * q**0.25 * np.where(known, density, 1.0) ** 0.75
     return np.where(known, variance, 0.0)

@@ -1,4 +1,4 @@
-"""Errors of a scenario of which the reference knows nothing: with them less is possible."""
+"""Errors of a scenario that the reference does not include: with them less is possible."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _PLATFORM = "platform."
 
 
 def left_out(scenario: Scenario) -> tuple[str, ...]:
-    """Keys of errors that are not zero, and of which the reference knows nothing.
+    """Keys of nonzero errors that the reference does not include.
 
     Those of ``[platform]`` are without the name of the table.
     """

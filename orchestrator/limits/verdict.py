@@ -1,15 +1,13 @@
-"""What the reference of a run says, and whether there is an accuracy at all.
+"""What the reference of a run states, and whether there is an accuracy at all.
 
-Errors of the bearing bend the posterior into an arc about the platform. Its linear covariance is
-that of the tangent, and means something while the arc is a small part of the circle. The ranges of
-a round together correct a bearing that is wrong by δ in proportion to sin δ: less and less beyond
-90°, and to either side at 180°. Where four standard deviations of the bearing reach 90°, a receiver
-gets there now and then, and stays: what is left of the posterior is a ring. README.md of this
-folder has what was measured.
+Bearing errors bend the posterior into an arc about the platform. Its linear covariance is that of
+the tangent, which is meaningful while the arc is a small part of the circle. The ranges of a round
+together correct a bearing error δ in proportion to sin δ: less and less beyond 90°, and to either
+side at 180°. If four standard deviations of the bearing reach 90°, a receiver gets there now and
+then, and stays: the posterior becomes a ring. README.md in this folder lists the measurements.
 
-Near the platform every position has such a bearing. There is a ring only where the arc's sagitta
-over one standard deviation, R σ_α²/2, exceeds the standard deviation along the line to the
-platform.
+Near the platform, every position has such a bearing. There is a ring only if the arc's sagitta over
+one standard deviation, R σ_α²/2, exceeds the standard deviation along the line to the platform.
 """
 
 from __future__ import annotations
@@ -28,12 +26,12 @@ Flags = NDArray[np.bool_]
 Integers = NDArray[np.int64]
 
 MOST_BEARING_STD = pi / 8
-"""Of a bearing that a receiver can hold [rad]: four standard deviations are 90°."""
+"""Largest standard deviation of a bearing that a receiver can hold [rad]: a quarter of 90°."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Limits(Shown):
-    """The smallest covariance that is possible along a run, epoch by epoch.
+    """The smallest possible covariance along a run, epoch by epoch.
 
     Attributes
     ----------
@@ -43,14 +41,14 @@ class Limits(Shown):
         Covariance of the diver's position, absolute and relative to the platform, NED [m²]; shape
         (n, 3, 3).
     bearing_std
-        Of the bearing of the diver from the platform [rad]; shape (n,).
+        Standard deviation of the diver's bearing from the platform [rad]; shape (n,).
     ring
-        Whether the posterior is bent so far that it is no point; shape (n,).
+        Whether the posterior is bent so far that it is no longer a point; shape (n,).
     acceleration_psd
         q of the diver [m²/s³].
     is_bound
-        The motion is drawn from the model: no receiver can be better (with the stated priors).
-        Otherwise q is a choice, and this is a reference.
+        Whether the motion is drawn from the model: no receiver can be better (with the stated
+        priors). Otherwise q is a choice, and this is a reference.
     without
         Keys of the scenario whose errors are left out: with them less is possible.
     """
@@ -73,17 +71,18 @@ class Limits(Shown):
         return f"of {len(self.epoch_ns)} epochs: {self.verdict() or self.kind}"
 
     def at(self, epoch_ns: Integers) -> Integers:
-        """Indices of the last epochs that are not after the given ones."""
+        """Indices of the last epochs at or before the given ones."""
         found = np.searchsorted(self.epoch_ns, epoch_ns, side="right") - 1
         return np.fmax(found, 0)
 
     def verdict(self, epoch_ns: Integers | None = None) -> Possible | None:
-        """What is possible at some epochs [ns], those of a receiver's estimates; None: at all.
+        """What is possible at some epochs [ns], such as those of a receiver's estimates; None: at
+        all.
 
         Returns
         -------
         Possible
-            None without any epoch, or without finite numbers.
+            None without epochs, or without finite numbers.
         """
         which = np.arange(len(self.epoch_ns)) if epoch_ns is None else self.at(epoch_ns)
         if len(which) == 0 or len(self.epoch_ns) == 0:
@@ -113,9 +112,9 @@ class Possible:
     absolute_rms, relative_rms
         Root of the mean trace of the covariances [m].
     bearing_std
-        Median over the epochs [rad].
+        Median of the bearing's standard deviation over the epochs [rad].
     accuracy
-        Whether that is an accuracy: the posterior is no ring at most of the epochs.
+        Whether the numbers are an accuracy: the posterior is not a ring at most of the epochs.
     acceleration_psd
         q of the diver [m²/s³].
     without
@@ -131,7 +130,7 @@ class Possible:
     without: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
-        """As plain data; the numbers that are no accuracy are None."""
+        """The result as plain data; numbers that are no accuracy are None."""
         return {
             "kind": self.kind,
             "absolute_rms_m": self.absolute_rms if self.accuracy else None,
@@ -147,8 +146,8 @@ class Possible:
             without = f"; without: {', '.join(self.without)}" if self.without else ""
             return f"possible: {self.absolute_rms:.2f} m RMS ({self.kind}{without})"
         return (
-            "no accuracy is possible: with a bearing known to "
-            f"{np.rad2deg(self.bearing_std):.0f}°, places all around the platform fit"
+            "no accuracy is possible: the bearing is only known to "
+            f"{np.rad2deg(self.bearing_std):.0f}°, so positions all around the platform fit"
         )
 
 

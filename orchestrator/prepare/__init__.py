@@ -1,1 +1,1 @@
-"""What will run, decided once: from a scenario and what was chosen, or from a package."""
+"""Preparation: decides once what will run, from a scenario with choices or from a package."""

@@ -1,4 +1,4 @@
-"""A package: prepared."""
+"""Preparation of a package."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from .prepared import Prepared, origins_of, shortening
 
 
 def of_package(package: Package) -> Prepared:
-    """Resolve the system of a package that is open.
+    """Resolve the system of an open package.
 
-    Receivers are the components that have all ports of one, if the system has the true values with
-    which their estimates are compared.
+    Receivers are the components that have all ports of a receiver, provided the system has the true
+    values to compare their estimates with.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""All that is settled before a run."""
+"""Everything that is settled before a run."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from ..simulation.system import System
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """What will run, and what will be said of it.
+    """What will run, and how it is described.
 
     Attributes
     ----------
     system, plan
         The components with their connections, and how they are executed.
     description
-        What the manifest says: scenario as run, receivers, FMUs, seeds, origins, remarks.
+        Content of the manifest: scenario as run, receivers, FMUs, seeds, origins, remarks.
     may_fail
-        Receivers that may fail as long as one of them is left.
+        Receivers that may fail as long as another one remains.
     update_interval_ns
-        Of the receivers [ns]; None: there are none.
+        Update interval of the receivers [ns]; None: there are none.
     """
 
     system: System
@@ -60,7 +60,7 @@ def origins_of(
 
 
 def shortening(system: System, plan: Plan, most_ns: int) -> list[str]:
-    """A remark on a run that is more than ``most_ns`` shorter than was wanted."""
+    """A remark on a run that is shorter than requested by more than ``most_ns``."""
     wanted, simulated = system.stop_ns - system.start_ns, plan.stop_ns - plan.start_ns
     lost = wanted - simulated
     if lost <= most_ns:

@@ -1,4 +1,4 @@
-"""A scenario with what was chosen: prepared."""
+"""Preparation of a scenario with choices."""
 
 from __future__ import annotations
 
@@ -28,18 +28,18 @@ def of_scenario(
     fmi: int | None = None,
     components: Mapping[str, Source] | None = None,
 ) -> Prepared:
-    """Choose, connect and resolve what runs with a scenario; build missing FMUs.
+    """Choose, connect and resolve what runs for a scenario; missing FMUs are built.
 
     Parameters
     ----------
     receivers, fmi, components
-        As of `sblcosim.scenario.wiring.connect`.
+        See `sblcosim.scenario.wiring.connect`.
 
     Raises
     ------
     ConfigurationError, FmuError
-        As `sblcosim.scenario.wiring.connect`; the true values are missing with which estimates are
-        compared.
+        See `sblcosim.scenario.wiring.connect`; also raised if there are no true values to compare
+        the estimates with.
     """
     choice = choice_of(scenario, receivers, fmi, components)
     system, plan = joined(scenario, choice)
@@ -59,7 +59,7 @@ def of_scenario(
     )
     return Prepared(
         system, plan, description,
-        may_fail=[name for name in labels if name != RAW] or [RAW],  # raw counts if it is alone
+        may_fail=[name for name in labels if name != RAW] or [RAW],  # raw counts only if alone
         update_interval_ns=nanoseconds(scenario.receiver.update_interval_s),
     )
 
@@ -72,19 +72,19 @@ def joined(
     Parameters
     ----------
     raw, tell_idle
-        As of `sblcosim.scenario.wiring.connect`.
+        See `sblcosim.scenario.wiring.connect`.
 
     Raises
     ------
     ConfigurationError, FmuError
-        As `of_scenario`.
+        See `of_scenario`.
     """
     system = connected(scenario, choice, raw=raw, tell_idle=tell_idle)
     return system, resolve(system)
 
 
 def _check_truth(plan: Plan) -> None:
-    """Refuse components that lack the true values with which estimates are compared."""
+    """Refuse components without the true values that estimates are compared with."""
     known = [c.name for c in plan.columns]
     for name in TRUTH:
         if name not in known:

@@ -1,1 +1,1 @@
-"""How numbers, shares and lists are written for people, everywhere alike."""
+"""Formatting of numbers, shares and lists for people, the same everywhere."""

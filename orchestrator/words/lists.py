@@ -20,11 +20,11 @@ def listed(
     last
         Word before the last name.
     most
-        Longest list in which all names are shown; None: any.
+        Largest number of names for which all are shown; None: no limit.
     shown
-        Names shown of a longer list, by default `most`.
+        Number of names shown from a longer list, by default `most`.
     rest
-        What the others are called.
+        Word for the others.
     """
     if most is not None and len(names) > most:
         first = names[: most if shown is None else shown]
@@ -34,13 +34,13 @@ def listed(
 
 
 def first_of(names: Sequence[str], most: int, mark: str = ", ") -> str:
-    """``a, b, c``: at most the first names, then how many more there are."""
+    """``a, b, c``: the first names, at most that many, then the number of the others."""
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return mark.join(names[:most]) + more
 
 
 def plural(number: int, one: str, many: str = "") -> str:
-    """The word that fits a number: ``run`` or ``runs``, ``is`` or ``are``."""
+    """The form that fits a number: ``run`` or ``runs``, ``is`` or ``are``."""
     return one if number == 1 else many or f"{one}s"
 
 

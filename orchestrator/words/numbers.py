@@ -1,4 +1,4 @@
-"""Numbers for people to read: digits, units, signs and intervals."""
+"""Numbers for people: digits, units, signs and intervals."""
 
 from __future__ import annotations
 
@@ -9,22 +9,23 @@ from typing import Any
 
 
 def is_missing(value: float | None) -> bool:
-    """Whether there is no number: None or NaN."""
+    """Whether a number is missing: None or NaN."""
     return value is None or isnan(value)
 
 
 def minus(text: str) -> str:
-    """With true minus signs before numbers."""
+    """Replace hyphens before numbers by true minus signs."""
     return re.sub(r"(?<![\w.])-(?=\d)", "−", re.sub(r"(?<=\de)-(?=\d)", "−", text))
 
 
 def unbroken(text: str) -> str:
-    """With true minus signs, and with no line break between a number and its unit."""
+    """Use true minus signs, and no line break between a number and its unit."""
     return re.sub(r"(?<=\d) (?=(m|s)\b)", "\u00a0", minus(text))
 
 
 def rounded(value: float, digits: int = 3) -> str:
-    """A number with that many significant digits, trailing zeros among them, and a true minus."""
+    """A number with that many significant digits, including trailing zeros, and a true minus
+    sign."""
     if not isfinite(value):
         return "–" if isnan(value) else "∞" if value > 0 else "−∞"
     if value == 0:
@@ -39,7 +40,7 @@ def signed(value: float, digits: int = 3) -> str:
 
 
 def number(value: Any, digits: int = 3) -> str:
-    """A number without trailing zeros in a cell of a table, or a dash where there is none."""
+    """A number without trailing zeros in a table cell; a dash if it is missing."""
     if is_missing(value):
         return "–"
     if isinf(value):
@@ -50,47 +51,47 @@ def number(value: Any, digits: int = 3) -> str:
 
 
 def figure(value: float, digits: int = 3, missing: str = "–") -> str:
-    """A finite number, or what stands for one that is missing."""
+    """A finite number, or the replacement for a missing one."""
     return f"{value:.{digits}g}" if isfinite(value) else missing
 
 
 def quantity(value: float | str, unit: str) -> str:
-    """A number that is given, with its unit; a name stays as it is."""
+    """A given number with its unit; a name stays unchanged."""
     if isinstance(value, str):
         return value
     return minus(f"{value:g}{unit}" if unit == "°" else f"{value:g} {unit}".rstrip())
 
 
 def measured(value: float, unit: str, digits: int = 3) -> str:
-    """A rounded number with its unit, or a dash where there is none."""
+    """A rounded number with its unit; a dash if it is missing."""
     return "–" if isnan(value) else f"{rounded(value, digits)} {unit}".rstrip()
 
 
 def interval(
     low: float, high: float, show: Callable[[float], str] = rounded, unit: str = ""
 ) -> str:
-    """``1.20 to 3.40 m``, or a dash where there is no interval."""
+    """``1.20 to 3.40 m``; a dash if there is no interval."""
     return "–" if is_missing(low) else f"{show(low)} to {show(high)} {unit}".rstrip()
 
 
 def bounds(low: float, high: float) -> str:
-    """``≥ 1.2, ≤ 3.4``: the bounds that are finite, or a dash where none is."""
+    """``≥ 1.2, ≤ 3.4``: the finite bounds; a dash if there are none."""
     ends = [(low, "≥"), (high, "≤")]
     return ", ".join(f"{sign} {figure(end)}" for end, sign in ends if isfinite(end)) or "–"
 
 
 def meters(length: float) -> str:
-    """A length in m for a sentence, with its two leading digits."""
+    """A length in m for a sentence, with two significant digits."""
     if not isfinite(length):
         return "– m"
-    if length >= 1e6:  # of a filter that diverges
+    if length >= 1e6:  # from a filter that diverges
         return f"{length:.1e} m"
     digits = 0 if length >= 9.95 else 1 if length >= 0.995 else 2 if length >= 0.0995 else 3
     return f"{length:,.{digits}f} m"
 
 
 def short_length(length: float) -> str:
-    """A length in m in a table or a title; nothing where there is none."""
+    """A length in m for a table or a title; empty if it is missing."""
     if isnan(length):
         return ""
     return f"{length:.1e} m" if length >= 1e4 else f"{length:.{2 if length >= 0.0995 else 3}f} m"
@@ -110,7 +111,7 @@ def p_value(p: float) -> str:
 
 
 def probability(p: float) -> str:
-    """A probability in a cell of a table, or a dash where there is none."""
+    """A probability in a table cell; a dash if it is missing."""
     if is_missing(p):
         return "–"
     return "< 0.0001" if p < 1e-4 else f"{p:.4f}"

@@ -1,4 +1,4 @@
-"""Shares in per cent. A share is from 0 to 1; one of a mean square may be below 0."""
+"""Shares in per cent. A share is from 0 to 1; that of a mean square may be below 0."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ def percent(share: float, form: str = "g", gap: str = " ") -> str:
 
 
 def rough_percent(share: float) -> str:
-    """``12 %``, ``3.4 %``: whole per cents, two digits of those below 10."""
+    """``12 %``, ``3.4 %``: whole per cents, or two digits below 10."""
     return percent(share, ".0f" if share >= 0.0995 or share == 0 else ".2g")
 
 
 def whole_percent(share: float) -> str:
-    """``12 %``, ``−3 %``: whole per cents with a true minus; nothing where there is no share."""
+    """``12 %``, ``−3 %``: whole per cents with a true minus sign; empty if there is no share."""
     if isnan(share):
         return ""
     return f"{round(100 * share) + 0:.0f} %".replace("-", "−")

@@ -1,4 +1,4 @@
-"""The errors of a range: each module of this folder is one, named after its file."""
+"""The range errors: each module of this folder declares one, named after its file."""
 
 from __future__ import annotations
 
@@ -10,4 +10,4 @@ from ..range_error import RangeError, numbered
 FOUND: Mapping[str, RangeError] = numbered(
     {name: module.RANGE_ERROR for name, module in modules_of(__name__).items()}
 )
-"""By name, in the order of their numbers."""
+"""Range errors by name, in the order of their numbers."""

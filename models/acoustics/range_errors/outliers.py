@@ -1,4 +1,4 @@
-"""Some ranges are too long: late arrivals that are taken for the direct one."""
+"""Outliers: ranges that are too long because a late arrival is mistaken for the direct one."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..range_error import RangeError
 OUTLIERS = {1: "exponential", 2: "half_normal"}
 _EXPONENTIAL = number_of(OUTLIERS, "exponential")
 _UNIFORMS = 2.0**53
-"""Number of values of a uniform draw."""
+"""Number of values that a uniform draw can take."""
 
 
 def _excess(p: Symbols, w: Symbols) -> Any:

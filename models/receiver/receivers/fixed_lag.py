@@ -1,4 +1,4 @@
-"""The filter of `coupled`, whose estimates are of some time ago."""
+"""The filter of `coupled` with delayed estimates."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from ..variables import FILTER, SYSTEM_TERMINALS, WITH_BUOYS, receiver
 
 COMPONENT = receiver(
     "FixedLag", 9,
-    "The same filter, whose estimates are of some time ago and know what was received since",
+    "The same filter, with delayed estimates that use everything received since their epoch",
     (
-        parameter("lag", "Age of the estimates: what is received in this time after an epoch is "
-                  "used for it, too", "s", start=20.0, min=0.01, max=3600.0),
+        parameter("lag", "Age of the estimates: each also uses what is received in this time after "
+                  "its epoch", "s", start=20.0, min=0.01, max=3600.0),
         *FILTER,
     ),
     inputs=PING_POSE,

@@ -13,5 +13,5 @@ COMPONENT = receiver(
 RECEIVER = ReceiverDeclaration(
     COMPONENT,
     purpose="comparisons: what the ranges say without a filter",
-    place=11,  # what the others are compared with stands last
+    place=11,  # the reference for comparisons comes last
 )

@@ -1,4 +1,4 @@
-"""The trajectories: each module of this folder is one, named after its file."""
+"""The trajectories: each module of this folder declares one, named after its file."""
 
 from __future__ import annotations
 
@@ -10,4 +10,4 @@ from ..trajectory import Trajectory, numbered
 FOUND: Mapping[str, Trajectory] = numbered(
     {name: module.TRAJECTORY for name, module in modules_of(__name__).items()}
 )
-"""By name, in the order of their numbers."""
+"""Trajectories by name, in the order of their numbers."""

@@ -1,4 +1,4 @@
-"""A recorded track: through its points, at their times."""
+"""A recorded track: through its points at their times."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ if TYPE_CHECKING:
     from ...equations import Equations, Row
 
 TRACK_POINTS = Dimension(16, "track_points", 2, 4096)
-"""Most points of a recorded track."""
+"""Largest number of points of a recorded track."""
 
 LEAST_DURATION = 1e-9
-"""Between two points of a track [s]; it only keeps numbers finite."""
+"""Shortest time between two points of a track [s]; only keeps numbers finite."""
 
 
 def _equations() -> Equations:
@@ -25,7 +25,7 @@ def _equations() -> Equations:
     from ..motion import equations
 
     def point(name: str, ahead: int) -> tuple[Row, Row]:
-        """Time and place of a point, that many after the one where the diver is."""
+        """Time and position of the point that many after the diver's current one."""
 
         def index(p: Symbols, x: Symbols) -> Any:
             return x.cursor + ahead
@@ -54,7 +54,7 @@ def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
 
 
 def _along(p: Symbols, x: Symbols, t: Any) -> tuple[Any, Any]:
-    """Motion from point to point; node and next are the ends of what is being travelled."""
+    """Motion from point to point; node and next are the ends of the current section."""
     duration = ca.fmax(x.leg_end - x.leg_begin, LEAST_DURATION)
     tau = clip((under_way(p, x, t) - x.leg_begin) / duration, 1)
     step = x.next_position - x.node_position
@@ -68,7 +68,7 @@ def _due(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Any:
 
 
 def _leg(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
-    """From point ``cursor`` to the next one; after the last one there is rest."""
+    """Motion from point ``cursor`` to the next one; rest after the last one."""
     passing = track.velocity(
         ca, w.next_point - w.point, w.after_point - w.next_point,
         ca.fmax(w.next_time - w.time, LEAST_DURATION),
@@ -92,8 +92,8 @@ TRAJECTORY = Trajectory(
     parameters=(
         Variable("track_count", "Number of points of the track in use", "parameter", start=2, min=2,
                  max=TRACK_POINTS, type="Int32"),
-        parameter("track_time", "When the diver is at the points of the track, from the departure; "
-                  "each later than the one before", "s", shape=(TRACK_POINTS,), min=0.0, max=1e9),
+        parameter("track_time", "Times of the points of the track from the departure; strictly "
+                  "increasing", "s", shape=(TRACK_POINTS,), min=0.0, max=1e9),
         parameter("track", "Points of the track, NED; the diver rests before the first one and "
                   "after the last one", "m", shape=(TRACK_POINTS, 3), min=-1e5, max=1e5),
     ),

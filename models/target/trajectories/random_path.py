@@ -32,7 +32,7 @@ def _due(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Any:
 
 
 def _leg(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
-    """One attempt at the next leg; it is accepted only if the leg ends inside the box."""
+    """One attempt at the next leg, accepted only if it ends inside the box."""
     span = -p.leg_length * ca.log((w.attempt[0] + 1) * 2.0**-53)
     direction = bearing(2 * pi * 2.0**-53 * w.attempt[1])
     begin = x.leg_point + (x.leg_end - x.leg_begin) * x.leg_direction
@@ -50,7 +50,7 @@ TRAJECTORY = Trajectory(
     number=6,
     takes=HORIZONTAL,
     parameters=(
-        parameter("path_length", "Length of straight line and random path, in the horizontal",
+        parameter("path_length", "Horizontal length of straight line and random path",
                   "m", start=150.0, min=0.0, max=1e6, needs=(not_zero("speed"),)),
         parameter("leg_length", "Mean length of a leg of the random path (exponential)", "m",
                   start=8.0, min=0.01, max=1e5, needs=(not_zero("speed"),)),

@@ -22,7 +22,7 @@ def arc(p: Symbols, angle: Any) -> Any:
     """Arc length of the Archimedean spiral from 0 to `angle` [m].
 
     The integral of √(r² + b²) dθ is (F(r) − F(a)) / b with F(r) = ½ (r q + b² ln(r + q)) and
-    q = √(r² + b²). Written without that division, it also holds for b = 0 (a circle).
+    q = √(r² + b²). Written without that division, the formula also holds for b = 0 (a circle).
     """
     a, b = p.spiral_radius[0], _rate(p)
     r = a + b * angle
@@ -38,8 +38,8 @@ def angle_at(p: Symbols, s: Any) -> Any:
     def derivative(r: Any) -> Any:
         return ca.sqrt(r**2 + b**2)
 
-    # s ≈ (r² − a²) / 2b gives r. Simpson's mean of √(r² + b²) from a to r then gives the angle
-    # to within 16 %. Each Halley step triples the number of correct digits.
+    # s ≈ (r² − a²) / 2b gives r. Simpson's mean of √(r² + b²) from a to r then gives the angle to
+    # within 16 %. Each Halley step triples the number of correct digits.
     r = ca.sqrt(ca.fmax(a**2 + 2 * b * s, 0))
     angle = 6 * s / ca.fmax(derivative(a) + 4 * derivative((a + r) / 2) + derivative(r), TINY)
     for _ in range(HALLEY_STEPS):

@@ -1,4 +1,4 @@
-"""Motion that is driven by white noise acceleration."""
+"""Motion driven by white noise acceleration."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def _due(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Any:
 
 
 def _node(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
-    """Draw the node after the next, with Φ and Q of white acceleration of power spectral density q.
+    """Draw the node after next, with Φ and Q of white acceleration of power spectral density q.
 
     Q = q [[T³/3, T²/2], [T²/2, T]] = L Lᵀ with L = √(q T) [[T/√3, 0], [√3/2, 1/2]].
     """
@@ -80,5 +80,5 @@ TRAJECTORY = Trajectory(
     ),
     equations=_equations,
     random=("acceleration_psd", "initial_position_std", "initial_velocity_std"),
-    place=9,  # FMUs have always had its parameters after those of `file`
+    place=9,  # in the FMUs, its parameters have always come after those of `file`
 )
