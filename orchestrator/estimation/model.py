@@ -41,9 +41,9 @@ def parameters(scenario: Scenario, start: Floats) -> Any:
     Parameters
     ----------
     scenario
-        Its receiver is `coupled`.
+        A scenario whose receiver is `coupled`.
     start
-        True position at the start, NED [m]: the prior, if that is to be the true one.
+        True position at the start, NED [m]: the prior, if the scenario asks for the true one.
     """
     values: dict[str, Any] = {}
     for v in COUPLED.of("parameter"):
@@ -77,8 +77,7 @@ class Rows:
 
 
 def pose_of(p: Any, samples: Samples) -> Pose:
-    """What the packets say about the platform besides position and heading; arrays of shape
-    (m,)."""
+    """What the packets say about the platform besides position and heading; shape (m,)."""
     roll, variance = surroundings.tilt(p, samples.attitude[:, 0])
     pitch, _ = surroundings.tilt(p, samples.attitude[:, 1])
     arm = p.beacon_offset[samples.beacon]

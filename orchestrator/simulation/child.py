@@ -56,7 +56,7 @@ _P = ParamSpec("_P")
 _R = TypeVar("_R")
 
 _MOST_WARNINGS = 100
-"""Limit on the warnings of a task that are told."""
+"""Maximum number of warnings reported for a task."""
 
 
 class _Telling(Watch):
@@ -76,15 +76,16 @@ class _Telling(Watch):
             self._settle = library.native_settle
         except BuildError as error:
             print(
-                "warning: what an FMU does to the processor's floating-point state or the locale "
-                f"is not seen and not undone, as the native master cannot be built: {error}",
+                "warning: changes that an FMU makes to the processor's floating-point state or the "
+                "locale "
+                f"are neither seen nor undone, as the native master cannot be built: {error}",
                 file=sys.stderr, flush=True,
             )  # fmt: skip
         self.here, self.added = Here.now(), Added()
         self.take(())
 
     def loaded(self) -> None:
-        """The user's code has been loaded: what it has added to its surroundings stays."""
+        """The user's code has been loaded: whatever it has added to its surroundings stays."""
         self.added = self.here.added()
 
     def take(self, components: Sequence[str], strangers: Sequence[str] = ()) -> None:
@@ -184,7 +185,8 @@ class _Telling(Watch):
         self.failures[component] = str(error)
 
     def settle(self) -> bool:
-        """Undo changes to the state of the processor and the locale; whether there were any."""
+        """Undo changes to the state of the processor and the locale; returns whether there were
+        any."""
         return self._settle is not None and bool(self._settle())
 
     def blamed(self) -> str | None:
@@ -197,10 +199,10 @@ class _Telling(Watch):
 
 
 def main() -> None:
-    """Work until the parent ends or asks for the end."""
+    """Work until the parent ends or requests the end."""
     tasks, answers = _streams()
     with contextlib.suppress(ImportError, ValueError, OSError):
-        import resource  # crashes are expected here; a core dump is of no use
+        import resource  # crashes are expected here; core dumps are useless
 
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles Ctrl-C
@@ -235,7 +237,7 @@ def main() -> None:
             answer = replace(answer, spoilt=shared.changed())
         try:
             send(answers, _watched(answer, telling))
-        except BaseException:  # the user's code has closed the stream, or taken what pickle needs
+        except BaseException:  # the user's code has closed the stream, or removed what pickle needs
             os._exit(1)
         if isinstance(task, End):
             _end(task)
@@ -255,7 +257,8 @@ def _end(task: End) -> None:
 
 
 def _streams() -> tuple[IO[bytes], IO[bytes]]:
-    """Streams of tasks and answers; the FMUs get an empty stdin, and their stdout is stderr."""
+    """Streams of tasks and answers; the FMUs get an empty stdin, and their stdout goes to
+    stderr."""
     tasks, answers = (os.fdopen(os.dup(fd), mode) for fd, mode in ((0, "rb"), (1, "wb")))
     nothing = os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)
@@ -276,7 +279,7 @@ def _follow(tasks: IO[bytes], todo: queue.SimpleQueue[bytes], folder: str) -> No
 
 
 def _done(content: bytes, telling: _Telling, shared: Shared) -> tuple[Task | None, TaskEnded]:
-    """Do a task; return it and its answer."""
+    """Do a task; returns the task and its answer."""
     task, value = None, None
     error: Exception | None = None
     try:
@@ -293,7 +296,7 @@ def _done(content: bytes, telling: _Telling, shared: Shared) -> tuple[Task | Non
         blamed = telling.blamed() or (_from_file(task) if shared.looked else None)
         if blamed is None:  # our own bug
             error = RuntimeError(traceback.format_exc())
-        else:  # of code that the user's code has changed or is called by
+        else:  # in code that the user's code has changed or that calls it
             error = ConfigurationError(
                 f"{blamed}: must let its process go on, got {raised(problem)}"
             )
@@ -307,7 +310,7 @@ def _done(content: bytes, telling: _Telling, shared: Shared) -> tuple[Task | Non
 
 
 def _from_file(task: Task | None) -> str:
-    """The component from the user's file; all, where there are several."""
+    """The component from the user's file; all of them if there are several."""
     if isinstance(task, Execute):
         sources = {c.name: c.source for c in task.plan.components}
         names = [name for name, source in sources.items() if isinstance(source, PythonSource)]
@@ -317,7 +320,7 @@ def _from_file(task: Task | None) -> str:
 
 
 def _ours(problem: SblcosimError) -> SblcosimError:
-    """The same as an exception whose class is not the user's."""
+    """The same exception, without classes of the user."""
     kind = next(k for k in type(problem).__mro__ if k.__module__.partition(".")[0] == "sblcosim")
     error: SblcosimError = kind(_text(problem))
     error.component, error.suspects = problem.component, tuple(problem.suspects)
@@ -338,7 +341,7 @@ def _text(of: object) -> str:
 
 
 def _watched(answer: TaskEnded, telling: _Telling) -> bytes:
-    """An answer pickled, which may call the user's code: as a call of it."""
+    """An answer, pickled; this may call the user's code, so it counts as a call of it."""
     blamed = telling.blamed()
     if blamed is None:
         return _packed(answer, None)
@@ -347,13 +350,13 @@ def _watched(answer: TaskEnded, telling: _Telling) -> bytes:
 
 
 def _packed(answer: TaskEnded, blamed: str | None) -> bytes:
-    """An answer pickled, if its reader can read it."""
+    """An answer, pickled, if its reader can read it."""
     try:
         content = pickle.dumps(answer)
         read(content)
     except BaseException as problem:
         error = ConfigurationError(
-            f"{blamed or 'the answer'}: must be possible to send to another process, got "
+            f"{blamed or 'the answer'}: must be something that another process can receive, got "
             f"{raised(problem)}"
         )
         error.component = blamed

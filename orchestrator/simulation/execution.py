@@ -37,9 +37,9 @@ def execute(
     """Run a plan from its start to its stop.
 
     A plan with a third-party FMU runs in a separate process, see `sblcosim.simulation.isolation`.
-    Python components on which nothing depends, such as receivers, are no part of it with the other
-    masters than python: they run afterwards, on the record of the others. Those from a file always
-    do, in a process for that file; classes and functions given in Python run here.
+    With masters other than python, Python components that nothing depends on, such as receivers,
+    run afterwards, on the record of the others. Components from a file always do so, in a process
+    for that file. Classes and functions given in Python run here.
 
     Parameters
     ----------
@@ -48,11 +48,11 @@ def execute(
     master
         ``"native"``, a loop in C; ``"python"``, many times slower; or ``"lanes"``, for our own
         components only and meant for many runs (`sblcosim.simulation.masters.lanes`). None: native
-        if all components are FMUs, but for Python components on which nothing depends, and the loop
-        can be compiled; else python.
+        if all components are FMUs (except Python components that nothing depends on) and the loop
+        can be compiled; otherwise python.
     step_timeout
         Time limit for a call in a separate process [s]; None: one minute. Without such a process
-        there is none: our own components return, and a class given in Python is waited for.
+        there is no limit: our own components return, and a class given in Python is waited for.
     children
         Long-lived child processes to use.
     apart
@@ -61,8 +61,8 @@ def execute(
     Raises
     ------
     ConfigurationError, FmuError
-        As the master's own function; the master is unknown; an FMU has crashed, has ended its
-        process or does not return. The exception carries the component's name.
+        As the master's own function. Also if the master is unknown, or if an FMU has crashed, ended
+        its process or does not return. The exception carries the component's name.
     """
     master = _master_of(plan, master, step_timeout)
     files = process.from_files(plan)
@@ -89,7 +89,7 @@ def execute(
 def _share(
     progress: Callable[[float], None] | None, stage: int, stages: int
 ) -> Callable[[float], None] | None:
-    """The progress of a stage, from 0, as that of the whole."""
+    """The progress of a stage, from 0, converted to that of the whole."""
     return None if progress is None else lambda share: progress((stage + share) / (1 + stages))
 
 
@@ -100,14 +100,14 @@ def _joined(
     stages: Sequence[Collection[str]],
     go_on: Callable[[int, Record, Sequence[str]], Record],
 ) -> Record:
-    """A record of a part of a plan, with the outputs of the components that run on it.
+    """A record of a part of a plan, plus the outputs of the components that run on it.
 
     Parameters
     ----------
     wanted
         The outputs to record.
     go_on
-        Runs a stage, from 1, on a record of all others; records its outputs.
+        Runs a stage, from 1, on a record of all others, and records its outputs.
     """
     whole = _on(first, plan)
     values = dict(whole.values)
@@ -120,7 +120,7 @@ def _joined(
 
 
 def _master_of(plan: Plan, master: str | None, step_timeout: float | None) -> str:
-    """Which master runs a plan; refuses a time limit that nobody would keep."""
+    """The master that runs a plan; refuses a time limit that nobody would enforce."""
     if master is not None:
         check_choice("master", master, MASTERS)
     else:
@@ -128,20 +128,21 @@ def _master_of(plan: Plan, master: str | None, step_timeout: float | None) -> st
     process.check_patience(step_timeout)
     if step_timeout is not None and master != "native" and not process.foreign(plan):
         raise ConfigurationError(
-            f"step_timeout: must be left out with the {master} master and neither FMU of others "
-            f"nor Python file, as it waits for ever, got {step_timeout}"
+            f"step_timeout: must be left out with the {master} master and neither third-party FMU "
+            f"nor Python file, because calls have no time limit there, got {step_timeout}"
         )
     return master
 
 
 def _stages(sinks: Sequence[str], files: Collection[str]) -> list[list[str]]:
-    """Python components that run together: all that are not from files; each of those is alone."""
+    """Python components that run together: all that are not from files; each of those runs
+    alone."""
     here = [name for name in sinks if name not in files]
     return [*([here] if here else []), *([name] for name in sinks if name in files)]
 
 
 def _on(record: Record, plan: Plan) -> Record:
-    """A record at the instants of a plan, which may have more; between its own, outputs hold."""
+    """A record at the instants of a plan, which may have more; outputs hold in between."""
     if len(record) == plan.count:
         return record
     rows = np.searchsorted(record.time_ns, plan.instants, side="right") - 1
@@ -170,25 +171,25 @@ def _all(
 
 
 def _sources(plan: Plan) -> set[str]:
-    """Outputs that are connected."""
+    """Outputs with connections."""
     return {c.name for own in plan.components for w in own.writes for c in w.columns}
 
 
 def _sinks(plan: Plan) -> list[str]:
-    """The Python components on which nothing depends."""
+    """The Python components that nothing depends on."""
     used = {source.partition(".")[0] for source in _sources(plan)}
     return [c.name for c in plan.components if not isinstance(c.source, Fmu) and c.name not in used]
 
 
 def _without(plan: Plan, names: Collection[str]) -> Plan:
-    """The plan without some components on which nothing depends."""
+    """The plan without some components that nothing depends on."""
     left = tuple(c for c in plan.components if c.name not in names)
     columns = tuple(c for c in plan.columns if c.name.partition(".")[0] not in names)
     return replace(plan, components=left, columns=columns)
 
 
 def without_sinks(plan: Plan) -> Plan:
-    """The plan without its Python components on which nothing depends; whole if nothing is left."""
+    """The plan without Python components that nothing depends on; whole if nothing would remain."""
     rest = _without(plan, _sinks(plan))
     return rest if rest.components else plan
 
@@ -199,7 +200,7 @@ def needs_python(plan: Plan) -> bool:
 
 
 def is_here(plan: Plan, master: str | None) -> bool:
-    """Whether a part of the plan is run in Python in this process."""
+    """Whether a part of the plan runs in Python in this process."""
     if master == "python" or needs_python(plan):
         return not process.foreign(without_sinks(plan))
     files = process.from_files(plan)
@@ -212,7 +213,7 @@ def initial_outputs(
     start_ns: int = 0,
     children: Children | None = None,
 ) -> dict[str, NDArray[Any]]:
-    """As `masters.python.initial_outputs`, with a third-party FMU in a separate process."""
+    """As `masters.python.initial_outputs`, but with a third-party FMU in a separate process."""
     plan = python.alone(spec, start_ns)
     if process.foreign(plan):
         return isolation.initial_outputs(spec, names, start_ns, children)
@@ -226,7 +227,7 @@ class Outcome:
     Attributes
     ----------
     plan
-        Without the components that failed before the end.
+        Plan without the components that failed before the end.
     failures
         Messages by component. A component that failed after the last instant is in the record too.
     """
@@ -242,7 +243,7 @@ def survive(
     execute: Callable[[Plan], Record],
     plan: Plan | None = None,
 ) -> Outcome:
-    """Run a system; if receivers fail, run it again without them.
+    """Run a system. If receivers fail, run it again without them.
 
     Nothing depends on a receiver, so the results of the others do not change.
 
@@ -311,7 +312,7 @@ def _failing(
         if error.component is not None:
             others = ", ".join(name for name in error.suspects if name != error.component)
             yield error.component, FmuError(
-                f"{error}; it may have been a thread of {others}, as none of them does so alone"
+                f"{error}; it may have been a thread of {others}, because none of them fails alone"
             )
             return
     if error.component is not None:

@@ -1,4 +1,4 @@
-"""How runs are executed: one value, on which no result depends."""
+"""How runs are executed: one value that no result depends on."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ class How:
     Attributes
     ----------
     master
-        Which master; see `sblcosim.simulation.execution.execute`. None: the quickest that can.
+        The master; see `sblcosim.simulation.execution.execute`. None: the fastest one possible.
     step_timeout
         Time limit for a call of a third-party FMU [s]; None: one minute.
     workers
         Threads or processes; None: all cores.
     executor, scheduler
-        Where runs of a study go; see `sblcosim.study.runner.run`.
+        Where runs of a study are executed; see `sblcosim.study.runner.run`.
     progress
         Called at intervals with the completed share, 0 to 1.
     """
@@ -48,4 +48,4 @@ class How:
 
 
 HOW = How()
-"""As it is done if nobody says anything."""
+"""The default."""

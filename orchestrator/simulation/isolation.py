@@ -1,9 +1,9 @@
 """Third-party FMUs and the user's Python files, in separate processes.
 
-A plan with a third-party FMU is run by a child process (`sblcosim.simulation.child`), with the
-same masters and at the same speed: the whole loop runs there in one call, and it writes its
-progress to shared memory. So whatever an FMU does, the calling process survives, and knows which
-component did it, in which call and when. The same holds for components from Python files.
+A plan with a third-party FMU is run by a child process (`sblcosim.simulation.child`), with the same
+masters and at the same speed. The whole loop runs there in one call and writes its progress to
+shared memory. Whatever an FMU does, the calling process survives and knows which component did it,
+in which call and when. The same holds for components from Python files.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ def execute(
     progress, record, master, step_timeout
         As in `sblcosim.simulation.execution.execute`.
     children
-        Pool of children; None: start one for this run. Only then does the record include failures
-        at its end.
+        Pool of children; None: start one for this run. Only in that case does the record include
+        failures at its end.
 
     Raises
     ------
@@ -90,12 +90,12 @@ def go_on(
     children: Children | None,
     progress: Callable[[float], None] | None,
 ) -> Record:
-    """Run a component from a file in a child, on the record of all that it depends on.
+    """Run a component from a file in a child, on the record of everything it depends on.
 
     Parameters
     ----------
     played
-        With the intervals of all other components.
+        Record to play back, with the intervals of all other components.
     record
         The outputs to record.
 
@@ -126,18 +126,19 @@ def go_on(
 
 
 def _shadow(component: PlannedComponent) -> PlannedComponent:
-    """What a component is to those that run on its record."""
+    """Placeholder for a component, for those that run on its record."""
     return replace(
         component, source=_shadow_made, ports={}, settings=(), reads=(), writes=(), texts=()
     )
 
 
 def _shadow_made() -> PythonComponent:
-    raise AssertionError("what is played back from a record is not made")
+    raise AssertionError("a component played back from a record is never made")
 
 
 def _key(plan: Plan) -> str:
-    """The files that run in a plan's child; none beside FMUs of others, which get one of theirs."""
+    """The files that run in a plan's child; none together with third-party FMUs, which get their
+    own."""
     return "" if strangers(plan) else " ".join(sorted(set(from_files(plan).values())))
 
 

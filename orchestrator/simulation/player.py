@@ -14,7 +14,7 @@ from ..errors import ConfigurationError
 
 
 class Player:
-    """Gives out what was recorded: at each time the newest values that are not later.
+    """Plays recorded values back: at each time, the newest values that are not later.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ class Player:
     Raises
     ------
     ConfigurationError
-        There is no instant, or an output has not as many values as there are instants.
+        There is no instant, or an output has a different number of values.
     """
 
     def __init__(

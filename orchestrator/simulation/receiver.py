@@ -7,7 +7,7 @@ A receiver is a class with a method `Receiver.update`::
             heard = [s for s in samples if isinstance(s, sblcosim.Range)]
             return sblcosim.Estimate(heard[-1].epoch, heard[-1].beacon_position) if heard else None
 
-`Receiver` makes a `sblcosim.simulation.system.PythonComponent` of it, with the ports of the plug
+`Receiver` turns it into a `sblcosim.simulation.system.PythonComponent` with the ports of the plug
 contract (`sblcosim.models.ports`).
 """
 
@@ -52,12 +52,12 @@ class Range:
     beacon
         Index of the beacon, from 0.
     range
-        [m].
+        Range [m].
     beacon_position
-        Where the beacon said it was, in the packet that gave the range: NED [m], shape (3,).
+        Position of the beacon in the packet that gave the range: NED [m], shape (3,).
     platform_position, platform_attitude
-        Where the platform said it was in that packet, NED [m], and its roll, pitch and yaw [rad];
-        shape (3,). Zeros if the packets do not say.
+        Position of the platform in that packet, NED [m], and its roll, pitch and yaw [rad]; shape
+        (3,). Zeros if the packets do not hold them.
     arrival_epoch
         Time at which the packet arrived [s].
     """
@@ -86,7 +86,7 @@ _RANGE_PORTS = {
     "ping_platform_position": "platform_position", "ping_platform_attitude": "platform_attitude",
     "arrival_epoch": "arrival_epoch",
 }  # fmt: skip
-"""Input ports with an element or row per beacon, and their fields in `Range`."""
+"""Input ports with one element or row per beacon, and their fields in `Range`."""
 _INPUTS = {*_RANGE_PORTS, "reception_count", *(v.name for v in DEPTH)}
 _OUTPUTS = (*ESTIMATE, *SYSTEM)
 _OPTIONAL = {v.name: v for v in _OUTPUTS if v.name not in (*REQUIRED_ESTIMATE, "valid")}
@@ -109,9 +109,9 @@ class Estimate(Shown):
     position
         NED [m].
     outputs
-        What `Receiver.outputs` lists: ``velocity`` [m/s]; ``covariance``, 3×3 of the position or
-        6×6 of (x, vx, y, vy, z, vz), SI; and other ports of ``ESTIMATE`` and ``SYSTEM`` in
-        `sblcosim.models.ports`.
+        Outputs listed in `Receiver.outputs`: ``velocity`` [m/s]; ``covariance``, 3×3 of the
+        position or 6×6 of (x, vx, y, vy, z, vz), SI; and other ports of ``ESTIMATE`` and ``SYSTEM``
+        in `sblcosim.models.ports`.
     """
 
     def __init__(self, epoch: float, position: Any, **outputs: Any) -> None:
@@ -124,20 +124,21 @@ class Estimate(Shown):
 class Receiver:
     """Base class of receivers.
 
-    All parameters are attributes of the object: ``update_interval`` [s], ``range_std`` [m],
-    ``depth_std`` [m], as in the scenario; ``seed``, that of the run, for all that is random; and
-    the class's own `parameters`.
+    All parameters are attributes of the object: ``update_interval`` [s], ``range_std`` [m] and
+    ``depth_std`` [m] from the scenario; ``seed``, the run's seed, for anything random; and the
+    class's own `parameters`.
 
     Attributes
     ----------
     parameters
         The class's own parameters and their start values: numbers, switches, or arrays of numbers.
-        The scenario sets them with ``[receiver] parameters = {…}``; a name that a receiver of ours
-        has, such as ``acceleration_psd``, with that receiver's key.
+        The scenario sets them with ``[receiver] parameters = {…}``. A name that one of our
+        receivers has, such as ``acceleration_psd``, is set with that receiver's key.
     outputs
-        What an estimate has beside position and epoch, e.g. ``("velocity", "covariance")``.
+        Outputs of an estimate besides position and epoch, for example ``("velocity",
+        "covariance")``.
     beacons
-        How many there are: the scenario says so.
+        Number of beacons, set by the scenario.
     """
 
     parameters: ClassVar[Mapping[str, Any]] = {}
@@ -158,7 +159,7 @@ class Receiver:
         Parameters
         ----------
         samples
-            Oldest first, at equal epochs the depth first; each sample comes once.
+            Oldest first; at equal epochs the depth first. Each sample appears once.
 
         Returns
         -------
@@ -168,19 +169,20 @@ class Receiver:
         raise ConfigurationError(f"{type(self).__name__}: must have a method update, got none")
 
     def fix(self, samples: Iterable[Sample]) -> Floats | None:
-        """Position by least squares, to begin with.
+        """Least-squares position, as a starting point.
 
         Parameters
         ----------
         samples
-            The newest range to each beacon and the newest depth count, of these and earlier calls.
+            The newest range to each beacon and the newest depth count, from these and earlier
+            calls.
 
         Returns
         -------
         position
             NED [m]; None with fewer than three beacons or without a depth.
         """
-        from scipy.optimize import least_squares  # 0.3 s that only who asks for a fix waits
+        from scipy.optimize import least_squares  # takes 0.3 s, so only if a fix is requested
 
         newest = self._plug.newest
         newest |= {s.beacon if isinstance(s, Range) else -1: s for s in samples}
@@ -198,7 +200,8 @@ class Receiver:
         solved: Floats = least_squares(residuals, first).x
         return solved
 
-    # --- The component that it is ----------------------------------------------------------------
+    # --- The component it becomes
+    # ---------------------------------------------------------------------
 
     @property
     def variables(self) -> tuple[Variable, ...]:
@@ -287,7 +290,7 @@ class Receiver:
         wanted = ("epoch", "position", *self.outputs)
         if estimate.values.keys() != set(wanted):
             raise ConfigurationError(
-                f"{where} {', '.join(wanted)}, as outputs of the class says, got "
+                f"{where} {', '.join(wanted)}, as listed in the class's outputs, got "
                 f"{', '.join(estimate.values)}"
             )
         for variable in _OUTPUTS:
@@ -314,14 +317,14 @@ class Receiver:
 
 
 def _of_position(covariance: Floats) -> Floats:
-    """The covariance of the whole state, with zeros for the velocity."""
+    """Covariance of the whole state, with zeros for the velocity."""
     whole = np.zeros((6, 6))
     whole[_POSITIONS] = covariance
     return whole
 
 
 class _ForBeacons:
-    """Makes a receiver of a class for a number of beacons."""
+    """Makes a receiver from a class for a number of beacons."""
 
     def __init__(self, maker: Callable[[], Any], beacons: int) -> None:
         self._maker = maker
@@ -339,7 +342,8 @@ class _ForBeacons:
 def for_beacons(
     source: Callable[[], PythonComponent], beacons: int
 ) -> Callable[[], PythonComponent]:
-    """A receiver's class made for a number of beacons; what declares its own ports stays as it is.
+    """A receiver's class for a number of beacons; components that declare their own ports are
+    unchanged.
     """
     maker = source.maker if isinstance(source, PythonSource) else source
     derived = isinstance(maker, type) and issubclass(maker, Receiver)
@@ -365,12 +369,12 @@ class _Plug:
         self.outputs |= {v.name: 0 for v in outputs if v.type == "Int32"} | {"valid": False}
 
     def ticks(self, time_ns: int) -> bool:
-        """Whether a step that begins now holds an update; there is none at the start."""
+        """Whether a step that begins now contains an update; there is none at the start."""
         passed = time_ns - self._start_ns
         return passed > 0 and passed % self._tick_ns == 0
 
     def new(self, inputs: Mapping[str, NDArray[Any]]) -> list[Sample]:
-        """The samples that came since the last call, in order."""
+        """The samples since the last call, in order."""
         samples: list[tuple[float, int, Sample]] = []
         epoch = float(inputs["depth_epoch"])
         if epoch != self._depth_epoch:
@@ -385,5 +389,5 @@ class _Plug:
 
 
 def _element(value: Any) -> Any:
-    """A number, or a row that stays as it is."""
+    """A number, or a row unchanged."""
     return value.copy() if value.shape else value.item()

@@ -25,7 +25,7 @@ from .system import ComponentSpec, Connection, Conversion, PythonComponent, Syst
 from .user.files import variables_of
 
 _LIKE_OUTPUTS = ("local", "calculatedParameter")
-"""What can be read of an FMU as its outputs are."""
+"""Causalities and kinds of FMU variables that can be read like outputs."""
 
 _Source = tuple[Fmu | Callable[[], PythonComponent], Mapping[str, Port]]
 
@@ -36,9 +36,9 @@ def resolve(system: System, *, again: bool = False, where: str = "") -> Plan:
     Parameters
     ----------
     again
-        Whether a similar system was resolved before, so that warnings are not repeated.
+        Whether a similar system was resolved earlier, so that warnings are not repeated.
     where
-        The file that the system is from, for warnings; empty: none.
+        File of the system, for warnings; empty: none.
 
     Raises
     ------
@@ -86,7 +86,7 @@ def _planned(
     name: str, spec: ComponentSpec, source: _Source, settings: tuple[Setting, ...],
     structure: _Structure,
 ) -> PlannedComponent:
-    """A component, which points of a study share."""
+    """A component; the points of a study share it."""
     return alike(
         "planned",
         (name, id(spec), id(structure)),
@@ -114,7 +114,7 @@ def _warn(messages: Sequence[str], where: str) -> None:
 
 @dataclass(frozen=True)
 class _Structure:
-    """What plans of the same components and connections share.
+    """What plans with the same components and connections share.
 
     Attributes
     ----------
@@ -123,7 +123,7 @@ class _Structure:
     messages
         Warnings about the connections.
     fitting
-        Intervals and ticks of all components that fit each other.
+        Intervals and ticks of all components, if they are compatible.
     """
 
     reads: Mapping[str, tuple[Read, ...]]
@@ -135,7 +135,7 @@ class _Structure:
 
 
 def _structure_of(system: System, sources: Mapping[str, _Source]) -> _Structure:
-    """All of a plan but values and times; points of a study share it."""
+    """Everything in a plan except values and times; the points of a study share it."""
     ports = {name: own for name, (_, own) in sources.items()}
     if all(isinstance(source, Fmu) for source, _ in sources.values()):
         known = tuple((name, id(own)) for name, own in ports.items())
@@ -143,7 +143,7 @@ def _structure_of(system: System, sources: Mapping[str, _Source]) -> _Structure:
         return alike(
             "structures", (known, id(connections)), lambda: _made(system, ports), ports, connections
         )
-    return _made(system, ports)  # a Python component is asked anew each time
+    return _made(system, ports)  # a Python component is queried again each time
 
 
 def _made(system: System, ports: Mapping[str, Mapping[str, Port]]) -> _Structure:
@@ -165,7 +165,7 @@ def _outputs(
 ) -> tuple[dict[str, tuple[Read, ...]], dict[str, Column], dict[str, int]]:
     """Reads by component, columns of the record, and the number of elements by type.
 
-    Read are the outputs, and whatever else is in ``fed``, the sources of connections.
+    Outputs are read, and everything else in ``fed``, the sources of connections.
     """
     sizes = dict.fromkeys(DTYPES, 0)
     reads: dict[str, tuple[Read, ...]] = {}
@@ -213,7 +213,7 @@ def _inputs(
 
 
 def _fed(ports: Mapping[str, Port], feeds: Collection[str]) -> Iterator[Port]:
-    """The connected ports, in their order; of an array perhaps some elements only."""
+    """The connected ports in order; of an array perhaps only some elements."""
     for port in ports.values():
         if port.name in feeds:
             yield port
@@ -225,7 +225,7 @@ def _fed(ports: Mapping[str, Port], feeds: Collection[str]) -> Iterator[Port]:
 
 
 def _element_of(name: str, ports: Mapping[str, Port]) -> tuple[Port, int] | None:
-    """An element of an array that an FMU has as scalars, and its number there."""
+    """An element of an array that an FMU has as scalars, and its index there."""
     base, indices = split(name)
     port = ports.get(base)
     if port is None or len(port.variables) != port.size or len(indices) != len(port.shape):
@@ -243,7 +243,7 @@ def _element_of(name: str, ports: Mapping[str, Port]) -> tuple[Port, int] | None
 
 
 def _place(source: str, columns: Mapping[str, Column]) -> tuple[Column, range]:
-    """The column in which a source is, and its elements."""
+    """The column that holds a source, and its elements."""
     if source in columns:
         column = columns[source]
         return column, range(column.start, column.stop)
@@ -255,7 +255,7 @@ def _place(source: str, columns: Mapping[str, Column]) -> tuple[Column, range]:
 
 def _source(name: str, spec: ComponentSpec) -> _Source:
     if not name or "." in name:
-        raise ConfigurationError(f"component {name!r}: the name must be without a dot")
+        raise ConfigurationError(f"component {name!r}: the name must not contain a dot")
     interval = spec.interval_ns
     if isinstance(interval, bool) or not isinstance(interval, int) or interval <= 0:
         raise ConfigurationError(
@@ -283,7 +283,7 @@ def _by_type(ports: Iterator[Port]) -> Iterator[tuple[str, tuple[Port, ...]]]:
 def _connections(
     system: System, ports: Mapping[str, Mapping[str, Port]]
 ) -> tuple[dict[tuple[str, str], Connection], list[str]]:
-    """Connections by target component and variable, and what is odd about them."""
+    """Connections by target component and variable, and warnings about them."""
     messages = []
     connections: dict[tuple[str, str], Connection] = {}
     taken: dict[tuple[str, str], Connection] = {}

@@ -1,4 +1,4 @@
-"""What all code of a process shares, and whether the user's code has left it changed."""
+"""State that all code of a process shares, and whether the user's code has changed it."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ _HABITS: tuple[Callable[[], Any], ...] = (
     np.geterr, np.get_printoptions, sys.getrecursionlimit, sys.gettrace, sys.getprofile,
     gc.isenabled, threading.active_count,
 )  # fmt: skip
-# Kept here, as the user's code may replace any of these names.
+# Kept here, because the user's code may replace any of these names.
 
 
 class Shared:
-    """Modules, our classes, streams, signals and habits, as they were at the latest look.
+    """Modules, our classes, streams, signals and process state at the latest look.
 
-    A run after which they have changed must be the last of its process, as the next one would
-    depend on it. What is new, such as a module, changes nothing for others.
+    If a run changes them, it must be the last of its process, because the next one would depend on
+    it. Additions, such as a module, change nothing for others.
 
     Parameters
     ----------
     settle
-        Undoes changes to the state of the processor and the locale; whether there were any.
+        Undoes changes to the state of the processor and the locale; returns whether there were any.
     """
 
     def __init__(self, settle: Callable[[], bool]) -> None:
@@ -43,11 +43,11 @@ class Shared:
 
     @property
     def looked(self) -> bool:
-        """Whether there was a look: some code of the user has been loaded."""
+        """Whether there was a look, that is, some code of the user has been loaded."""
         return self._habits is not None
 
     def look(self) -> None:
-        """Take everything for what it is to be."""
+        """Take the current state as the reference."""
         self._settle()
         modules = [it for it in [*sys.modules.values()] if isinstance(it, ModuleType)]
         ours = {
@@ -65,13 +65,13 @@ class Shared:
             return self._settle() or _habits() != self._habits or any(
                 _replaced(before, vars(it)) for it, before in self._names
             )
-        except BaseException:  # of whatever is in place of ours
+        except BaseException:  # from whatever has replaced ours
             return True
 
 
 def _replaced(before: Mapping[str, Any], now: Mapping[str, Any]) -> bool:
-    """Whether a name is something else than the function, class or constant that it was."""
-    if all(map(is_, before.values(), now.values())):  # what is new comes last
+    """Whether a name no longer refers to the function, class or constant that it did."""
+    if all(map(is_, before.values(), now.values())):  # additions come last
         return False
     return any(
         now.get(name) is not value and (callable(value) or isinstance(value, float | property))

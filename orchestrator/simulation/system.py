@@ -31,8 +31,8 @@ Value = Number | Sequence[Any]
 class PythonComponent(Protocol):
     """A component written in Python, instead of an FMU.
 
-    It follows the same rules of time: inputs hold during a step, and outputs returned by `do_step`
-    refer to the end of the step. Each run makes a new object, so there is no reset.
+    It follows the same rules for time: inputs hold during a step, and the outputs that `do_step`
+    returns refer to the end of the step. Each run makes a new object, so there is no reset.
 
     Examples
     --------
@@ -40,8 +40,8 @@ class PythonComponent(Protocol):
 
         class Counter:
             variables = (
-                Variable("first", "Number to begin with", "parameter", type="Int32", start=0),
-                Variable("tick", "What to add", "input", type="Int32", start=0),
+                Variable("first", "Initial value", "parameter", type="Int32", start=0),
+                Variable("tick", "Increment", "input", type="Int32", start=0),
                 Variable("number", "Sum so far", "output", type="Int32", start=0),
             )
 
@@ -88,13 +88,13 @@ class ComponentSpec:
     inputs
         Values at the start, in the same way; inputs without a connection keep them.
     starts
-        Values at the start of other variables of an FMU, in the same way. The FMU must let them be
-        set (``initial`` exact or approx).
+        Values at the start of other variables of an FMU, in the same form. The FMU must allow
+        setting them (``initial`` exact or approx).
     texts
-        Values at the start of variables of an FMU that are texts.
+        Values at the start of text variables of an FMU.
     like
-        What it was made from by `varied`, and by that alone: of two that are so like each other,
-        only what differs has to be checked and hashed.
+        The component that `varied` made it from, if `varied` alone did. Between two components that
+        are alike in this way, only the differences must be checked and hashed.
     """
 
     fmu: Path | Callable[[], PythonComponent]
@@ -108,7 +108,7 @@ class ComponentSpec:
     def varied(
         self, changes: Mapping[str, Value], interval_ns: int | None = None
     ) -> ComponentSpec:
-        """The same with other values of some parameters, and perhaps another interval."""
+        """A copy with other values of some parameters, and perhaps another interval."""
         spec = ComponentSpec(
             self.fmu, interval_ns or self.interval_ns, {**self.parameters, **changes},
             self.inputs, self.starts, self.texts,
@@ -121,7 +121,7 @@ class ComponentSpec:
 
 @dataclass(frozen=True, eq=False)
 class Likeness:
-    """That a component is like another, which was not made from a third.
+    """States that a component is like another one, which itself was not derived from a third.
 
     Attributes
     ----------
@@ -135,7 +135,7 @@ class Likeness:
 
 
 def differences(specs: Collection[ComponentSpec]) -> Collection[str]:
-    """The parameters in which components may differ that have the same parameters."""
+    """The parameters in which components with the same parameters may differ."""
     likes = [spec.like or Likeness(spec) for spec in specs]
     if len({id(like.to) for like in likes}) == 1:
         return frozenset().union(*(like.but for like in likes))
@@ -144,14 +144,14 @@ def differences(specs: Collection[ComponentSpec]) -> Collection[str]:
 
 @dataclass(frozen=True)
 class Conversion:
-    """What becomes of a value on its way: ``factor * value + offset``.
+    """Conversion of a value on its way: ``factor * value + offset``.
 
     Attributes
     ----------
     factor, offset
         In units of the target per unit of the source, and in units of the target.
     then
-        What becomes of the result; None: nothing.
+        Conversion of the result; None: none.
     """
 
     factor: float = 1.0
@@ -160,7 +160,7 @@ class Conversion:
 
     @property
     def steps(self) -> tuple[Conversion, ...]:
-        """All that changes anything, one after another, each without `then`."""
+        """The effective conversions in sequence, each without `then`."""
         own = () if (self.factor, self.offset) == (1.0, 0.0) else (
             Conversion(self.factor, self.offset),
         )
@@ -171,15 +171,15 @@ class Conversion:
 class Connection:
     """A connection from an output to an input.
 
-    A local variable or a calculated parameter of an FMU can be connected as an output, too.
+    A local variable or a calculated parameter of an FMU can be connected like an output.
 
     Attributes
     ----------
     source, target
-        ``"component.variable"``; an array is connected as a whole, or, if the FMU has it as
-        scalars, by element, ``"component.variable[1,2]"``.
+        ``"component.variable"``. An array is connected as a whole or, if the FMU has it as scalars,
+        by element, ``"component.variable[1,2]"``.
     conversion
-        Of the values; with one, the units of the two ends are not compared.
+        Conversion of the values; with one, the units of the two ends are not compared.
     """
 
     source: str
@@ -194,7 +194,7 @@ class System:
     Attributes
     ----------
     components
-        By name; names have no dots.
+        Components by name; names have no dots.
     stop_ns, start_ns
         The run goes from ``start_ns`` to the last common multiple of all communication intervals
         (counted from ``start_ns``) that is not after ``stop_ns`` [ns].

@@ -1,1 +1,1 @@
-"""Child processes: which does a task, what it is told, and what it answers."""
+"""Child processes: assignment of tasks, messages and answers."""

@@ -1,8 +1,8 @@
-"""The child processes of a process: which one does a task, and how long they stay.
+"""The child processes of a process: which one does a task, and how long they are kept.
 
-A child in which a file of the user's has run does no work for another file, nor for FMUs of others:
-what the file has changed there must reach nobody else. It is kept for the next run with the same
-file, whoever asks, as starting one and importing what the file needs takes longer than most runs.
+A child that has run a user's file does no work for another file or for other tools' FMUs: the
+file's changes must reach nobody else. It is kept for the next run with the same file, whoever asks,
+because starting a child and importing what the file needs takes longer than most runs.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from ...errors import ConfigurationWarning, one_line
 from .process import PATIENCE, STEP_TIMEOUT, Process
 
 FILES = 4
-"""Number of files, at most, for which children are kept."""
+"""Maximum number of files for which children are kept."""
 
 
 class _Waiting:
@@ -30,7 +30,7 @@ class _Waiting:
         self._idle: dict[str, list[Process]] = {}
 
     def take(self, key: str) -> Process | None:
-        """A child for some files, if one waits."""
+        """A child for these files, if one is waiting."""
         with self._lock:
             idle = self._idle.get(key, [])
             while idle:
@@ -42,7 +42,8 @@ class _Waiting:
         return None
 
     def put(self, key: str, child: Process, idle_s: float | None) -> None:
-        """Let a child wait; for the files used longest ago none does if there are too many."""
+        """Let a child wait. If there are too many, the children of the least recently used files
+        end."""
         with self._lock:
             self._idle[key] = [*self._idle.pop(key, []), child]
             oldest = list(self._idle)[: -FILES]
@@ -54,7 +55,7 @@ class _Waiting:
         _end(ended)
 
     def keep_one(self) -> None:
-        """Let one child at most wait for the same files."""
+        """Let at most one child wait for the same files."""
         with self._lock:
             ended = [old for idle in self._idle.values() for old in idle[1:]]
             self._idle = {key: idle[:1] for key, idle in self._idle.items() if idle}
@@ -83,11 +84,11 @@ def _end(children: list[Process]) -> None:
 
 
 waiting = _Waiting()
-"""The children of this process that wait."""
+"""The waiting children of this process."""
 
 
 def _forked() -> None:
-    """A forked process has no children yet; those of its parent go on."""
+    """A forked process has no children yet; those of its parent continue."""
     global waiting, _parents
     _parents, waiting = waiting, _Waiting()
 
@@ -101,12 +102,12 @@ if hasattr(os, "register_at_fork"):
 class Children:
     """Processes that are reused from run to run; each does one run at a time.
 
-    Those for the user's files are shared with all others of this process that have none to do.
+    Children for the user's files are shared among all pools of this process while idle.
 
     Parameters
     ----------
     idle_s
-        A process is ended after this idle time [s]; None: processes stay until the end.
+        Idle time after which a process is ended [s]; None: processes stay until the end.
     patience_s
         Time limit for a call at the end [s]; None: `PATIENCE`.
     """
@@ -173,7 +174,7 @@ class Children:
             self._all.discard(child)
         try:
             messages = list(child.finish(self._patience_s or STEP_TIMEOUT).values())
-        except Exception as error:  # nobody joins this timer thread, so print
+        except Exception as error:  # nobody joins this timer thread, so print the error
             messages = [one_line(error)]
         for message in messages:
             print(f"warning: {message}; its results are complete", file=sys.stderr, flush=True)
@@ -186,7 +187,7 @@ class Children:
             child.kill()
 
     def close(self) -> None:
-        """End all children. No run must be in progress.
+        """End all children. No run may be in progress.
 
         Warns
         -----

@@ -10,11 +10,11 @@ import uuid
 from typing import Any
 
 GRAIN = mmap.ALLOCATIONGRANULARITY
-"""Parts of the memory start at multiples of this [bytes]."""
+"""Alignment of the parts of the memory [bytes]."""
 
 
 class Memory:
-    """Memory in parts; each process maps the parts it needs.
+    """Memory in parts; each process maps the parts that it needs.
 
     POSIX: an anonymous file. Windows: a named mapping for each part.
     """
@@ -27,7 +27,7 @@ class Memory:
         return {"pass_fds": (self.handle,)} if isinstance(self.handle, int) else {}
 
     def grow(self, size: int) -> None:
-        """Resize to this many bytes. New bytes are zero; bytes cut off must not be in use."""
+        """Resize to this many bytes. New bytes are zero; removed bytes must not be in use."""
         if isinstance(self.handle, int):
             os.ftruncate(self.handle, size)
 

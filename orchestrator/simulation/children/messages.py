@@ -1,4 +1,4 @@
-"""Messages between a process and the child processes that it has: tasks and their answers."""
+"""Messages between a process and its child processes: tasks and their answers."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Start:
     Attributes
     ----------
     folder
-        For temporary files.
+        Folder for temporary files.
     memory
         Handle of the shared memory.
     """
@@ -36,7 +36,7 @@ class Start:
 
 @dataclass(frozen=True)
 class Here:
-    """The surroundings of a process, which its child takes over before each task.
+    """The surroundings of a process, which its child adopts before each task.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class Here:
         return cls(folder, tuple(os.environ.items()), tuple(map(str, sys.path)))
 
     def added(self) -> Added:
-        """What this process has beside them."""
+        """What this process has in addition to its parent's surroundings."""
         first = [*takewhile(lambda place: place not in self.path, sys.path)]
         rest = sys.path[len(first) :]
         return Added(
@@ -70,7 +70,7 @@ class Here:
         )
 
     def take_over(self, added: Added) -> None:
-        """Make them those of this process, with what the user's files have added as they loaded."""
+        """Apply them to this process, keeping what the user's files added when they were loaded."""
         if self.folder is not None:
             os.chdir(self.folder)
         environment = added.environment | dict(self.environment)
@@ -82,7 +82,7 @@ class Here:
 
 @dataclass(frozen=True)
 class Added:
-    """Variables of the environment, and places of modules before and after those of the parent."""
+    """Additional environment variables, and module paths before and after those of the parent."""
 
     environment: dict[str, str] = field(default_factory=dict)
     first: Sequence[str] = ()
@@ -96,9 +96,9 @@ class Task:
     Attributes
     ----------
     here
-        The surroundings of the parent.
+        Surroundings of the parent.
     components
-        Names; the shared memory refers to them by index.
+        Names of the components; the shared memory refers to them by index.
     strangers
         Names of the third-party FMUs, which are watched.
     """
@@ -129,12 +129,12 @@ class InitialOutputs(Task):
 
 @dataclass(frozen=True)
 class Call(Task):
-    """Call a function of ours that uses the user's code; what it returns is the answer.
+    """Call one of our functions that uses the user's code; its return value is the answer.
 
     Attributes
     ----------
     afterwards
-        Module to import once the answer is sent, as it will be needed.
+        Module to import after sending the answer, because it will be needed.
     """
 
     function: Callable[[], Any]
@@ -182,7 +182,7 @@ class TaskEnded:
     warned
         Warnings of the user's code: text, category, file and line.
     spoilt
-        Whether the user's code has left something changed that all code of the process shares.
+        Whether the user's code has changed something that all code of the process shares.
     """
 
     value: Any = None
@@ -198,7 +198,7 @@ _BUILTINS = {"set", "frozenset", "complex", "bytearray", "range", "slice"}
 
 
 class _Reader(pickle.Unpickler):
-    """Reads messages of a child without importing anything that only the user's code knows."""
+    """Reads a child's messages without importing anything that only the user's code defines."""
 
     def find_class(self, module: str, name: str) -> Any:
         found = getattr(builtins, name, None) if module == "builtins" else None
@@ -215,6 +215,6 @@ def read(content: bytes) -> Any:
     Raises
     ------
     ConfigurationError
-        It holds more than plain values and classes of ours.
+        It holds more than plain values and our own classes.
     """
     return _Reader(io.BytesIO(content)).load()

@@ -56,13 +56,13 @@ PATIENCE: ContextVar[float] = ContextVar("PATIENCE", default=STEP_TIMEOUT)
 """Time limit for a call [s] in the current context."""
 
 _GRACE = 5.0
-"""Seconds for a process to end after it has closed its pipes."""
+"""Seconds for a process to end after closing its pipes."""
 
 FAREWELL = 1.0
-"""Seconds for exit handlers of the user's code."""
+"""Seconds for the exit handlers of the user's code."""
 
 _OUTPUT = 20_000
-"""Limit on the output of FMUs and Python files that is shown of a task [bytes]."""
+"""Limit on the output of FMUs and Python files shown per task [bytes]."""
 
 _PROGRAM = (  # imports nothing before it has the path: the working directory may hold anything
     "import sys; sys.path[:] = sys.argv[1:]; from sblcosim.simulation.child import main; main()"
@@ -82,7 +82,8 @@ def patience(seconds: float | None) -> Iterator[None]:
 
 
 def patient(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """A function of the API with `PATIENCE` as its keyword ``step_timeout``, whatever it calls."""
+    """A function of the API with `PATIENCE` as its keyword ``step_timeout``, valid for all it
+    calls."""
 
     @functools.wraps(function)
     def limited(*arguments: _P.args, **options: _P.kwargs) -> _R:
@@ -123,7 +124,7 @@ def from_files(plan: Plan) -> dict[str, str]:
 
 
 def foreign(plan: Plan) -> bool:
-    """Whether a plan holds what must not run in this process."""
+    """Whether a plan contains anything that must not run in this process."""
     return bool(strangers(plan) or from_files(plan))
 
 
@@ -143,7 +144,7 @@ class Process:
         self.busy = False
         self.alive = True
         self.spoilt = False
-        """Whether the user's code has changed what all code of the process shares."""
+        """Whether the user's code has changed something that all code of the process shares."""
         self._left = _OUTPUT
         self._process = self._started()
         assert self._process.stdout is not None
@@ -180,7 +181,7 @@ class Process:
             self.alive = False
             shutil.rmtree(self._folder, ignore_errors=True)
             raise FmuError(
-                "FMUs of others and Python files must run in a process of their own, got none: "
+                "FMUs from other tools and Python files must run in a separate process, got none: "
                 f"{one_line(error)}"
             ) from error
 
@@ -209,7 +210,7 @@ class Process:
         except FmuError as error:
             if watched.begun is None or self._state.where == LOOP or error.component is None:
                 raise
-            record = _record(plan, watched)  # the loop had finished, so it is complete
+            record = _record(plan, watched)  # the loop had finished, so the record is complete
             return replace(record, failures={error.component: str(error)})
         self.busy = False
         self._tell(message, watched)
@@ -222,7 +223,7 @@ class Process:
         return record
 
     def call(self, task: Call | InitialOutputs, watched: Watched) -> Any:
-        """Call a function of ours, or read outputs at the start; return what it gives."""
+        """Call one of our functions, or read outputs at the start; returns the result."""
         self._begin(_packed(task))
         answer = self._next(watched, PATIENCE.get(), None)
         self.busy = False
@@ -313,7 +314,7 @@ class Process:
                 if report is not None:
                     report()
                 continue
-            still += period  # no clock: suspension of the machine must not count
+            still += period  # not a clock: suspension of the machine must not count
             limit = patience if s.where in (CALLING, LOOP) else max(patience, STEP_TIMEOUT)
             if still >= limit:
                 self.kill()
@@ -391,8 +392,9 @@ def _packed(task: Task) -> bytes:
         packed: bytes = cloudpickle.dumps(task)
     except Exception as error:
         raise ConfigurationError(
-            f"{_unpackable(task)}: must be possible to send to another process, as it runs beside "
-            f"an FMU of somebody else or a file, got {type(error).__name__}: {one_line(error)}"
+            f"{_unpackable(task)}: must be something that another process can receive, because it "
+            "runs "
+            f"with a third-party FMU or a file, got {type(error).__name__}: {one_line(error)}"
         ) from error
     return packed
 

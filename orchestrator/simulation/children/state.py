@@ -21,8 +21,8 @@ OUTSIDE, CALLING, LOOP = range(3)
 class State(ctypes.Structure):
     """The structure at the beginning of the shared memory.
 
-    ``component`` and ``saying`` index the task's list of components; ``calls`` changes with each
-    call outside the loop.
+    ``component`` and ``saying`` are indices into the task's list of components. ``calls`` changes
+    with each call outside the loop.
     """
 
     _fields_ = (

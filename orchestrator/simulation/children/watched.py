@@ -1,4 +1,4 @@
-"""What a child process is doing, in words: whose call has failed, which, when."""
+"""What a child process is doing, in words: whose call failed, which one, and when."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _HABITS = {1: "the floating-point state of the processor", 2: "the locale"}
 
 
 def who(component: PlannedComponent) -> str:
-    """A component, for messages."""
+    """Description of a component for messages."""
     if isinstance(component.source, Fmu):
         return f"FMU {component.source.path}"
     return f"the Python component {component.origin}"
@@ -29,16 +29,16 @@ def who(component: PlannedComponent) -> str:
 
 @dataclass
 class Watched:
-    """The current task: the data needed to name whoever fails.
+    """The current task, with the data needed to name a failing component.
 
     Attributes
     ----------
     names
-        What each component is called, by its name and in the order of the task.
+        Description of each component, by name, in the order of the task.
     suspects
         Components that may end the process.
     cases
-        What each of many calls is about, by the row of the progress.
+        Subject of each of many calls, by the row of the progress.
     """
 
     names: Mapping[str, str]
@@ -46,11 +46,12 @@ class Watched:
     instants: Sequence[int] = ()
     begun: Begun | None = None
     parts: Sequence[mmap.mmap] = ()
-    """Mapped parts of the record. Windows frees them with their last user, so keep them here."""
+    """Mapped parts of the record. Windows frees them with their last user, so they are kept
+    here."""
     cases: Sequence[str] = ()
 
     def failure(self, s: State, seconds: float | None, what: str = "") -> FmuError:
-        """The exception for a process that has ended, or has not gone on for some seconds."""
+        """The exception for a process that has ended, or has made no progress for some seconds."""
         name, function, when = self._place(s)
         suspects = self.suspects
         sure = name in suspects
@@ -58,9 +59,10 @@ class Watched:
             name = suspects[0] if len(suspects) == 1 else None
         if name is None:
             if seconds is not None:
-                what = f"not gone on for {seconds:g} s"
+                what = f"made no progress for {seconds:g} s"
             error = FmuError(
-                f"{', '.join(suspects) or 'the process for FMUs of others'}: one of these has "
+                f"{', '.join(suspects) or 'the process for FMUs from other tools'}: one of these "
+                "has "
                 f"{what}{when}"
             )
         else:
@@ -69,7 +71,7 @@ class Watched:
             elif sure:
                 what = f"{what} in {function}{when}"
             else:
-                what = f"{what} outside of its calls, in a thread perhaps{when}"
+                what = f"{what} outside its calls, perhaps in a thread{when}"
             said = ""
             if s.saying >= 0 and list(self.names)[s.saying : s.saying + 1] == [name]:
                 said = s.said.decode(errors="replace").removeprefix(f"{name}: ")
@@ -94,11 +96,11 @@ class Watched:
         return names[s.component], _PHRASES.get(function, function), case and f" at {case}"
 
     def tell(self, answer: TaskEnded) -> None:
-        """Warn of what a task has changed, and give the warnings of the user's code."""
+        """Warn about what a task has changed, and pass on the warnings of the user's code."""
         for name, function, habits in answer.habits:
             what = " and ".join(text for bit, text in _HABITS.items() if habits & bit)
             warnings.warn(
-                f"{name}: {self.names[name]} must leave {what} as it was, got a change in "
+                f"{name}: {self.names[name]} must leave {what} unchanged, got a change in "
                 f"{_PHRASES.get(function, function)}; it was undone",
                 ConfigurationWarning,
                 4,

@@ -1,1 +1,1 @@
-"""The user's Python code: run from its file, known by a hash, sent to other processes by value."""
+"""The user's Python code: run from its file, identified by a hash, sent by value."""

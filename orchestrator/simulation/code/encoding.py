@@ -17,31 +17,31 @@ from . import taking_apart
 
 
 class Encoder(ABC):
-    """Feeds a hash with what a value is; an object that is met again is the number it had."""
+    """Feeds a value into a hash. An object that appears again is represented by its number."""
 
     def __init__(self, path: list[str], asked: frozenset[str] = frozenset()) -> None:
         self.digest = hashlib.sha256()
         self.path = path
-        self.asked = asked  # what code reads beside what others do
+        self.asked = asked  # names that code reads, which others do not need
         self.noticed = set(asked)
-        self.folder = ""  # of the code that is looked at
-        self.sets: tuple[int, ...] = ()  # whose members are looked at
-        self.members: dict[tuple[Any, ...], tuple[bytes, Any]] = {}  # of sets, as they were put
+        self.folder = ""  # of the code being examined
+        self.sets: tuple[int, ...] = ()  # whose members are being examined
+        self.members: dict[tuple[Any, ...], tuple[bytes, Any]] = {}  # of sets, as encoded
         self.seen: dict[int, int] = {}
         self.kept: list[Any] = []  # so that no other object gets the same id
 
     def put(self, kind: str, *texts: str | bytes) -> None:
-        """Add some texts."""
+        """Add texts."""
         for text in (kind, *texts):
             raw = text if isinstance(text, bytes) else text.encode("utf-8", "surrogatepass")
             self.digest.update(struct.pack("<Q", len(raw)) + raw)
 
     @contextmanager
     def at(self, crumb: str) -> Iterator[None]:
-        """Where it is, for messages."""
+        """Current place, for messages."""
         self.path.append(crumb)
         yield
-        self.path.pop()  # kept when something is refused
+        self.path.pop()  # kept if something is refused
 
     def values(self, kind: str, values: Iterable[Any]) -> None:
         """Add values in their order."""
@@ -52,7 +52,7 @@ class Encoder(ABC):
                 self.value(value)
 
     def named(self, kind: str, values: Mapping[str, Any]) -> None:
-        """Add values by their names."""
+        """Add values under their names."""
         self.put(kind, str(len(values)))
         if "order" in self.asked:
             self.put("order", *values)
@@ -62,7 +62,7 @@ class Encoder(ABC):
                 self.value(values[name])
 
     def apart(self, value: Any, inside: int = 0) -> bytes:
-        """A hash of a value by itself, for things without an order."""
+        """A hash of a single value, for unordered collections."""
         if isinstance(value, str) and type(value) is str:
             return b"str" + self._local(value).encode("utf-8", "surrogatepass")
         other = type(self)(self.path, self.asked)
@@ -75,7 +75,7 @@ class Encoder(ABC):
         return self.members[key][0]
 
     def _local(self, text: str) -> str:
-        """A text without the folder of the code, if it is a path in it."""
+        """A text without the folder of the code, if it is a path in that folder."""
         if self.folder and text.startswith(self.folder):
             rest = text[len(self.folder) :]
             if not rest or rest.startswith(os.sep):
@@ -87,7 +87,7 @@ class Encoder(ABC):
         """Add any value."""
 
     def set(self, x: Any) -> None:
-        """Add a set, in no order."""
+        """Add a set, independent of its order."""
         if id(x) in self.sets:
             self.put("set above", str(len(self.sets) - self.sets.index(id(x))))
             return
@@ -99,7 +99,7 @@ class Encoder(ABC):
             self.put("item", part)
 
     def dict(self, x: Mapping[Any, Any], in_order: bool = True) -> None:
-        """Add a dict by its keys, with their order if it is not that of what they are."""
+        """Add a dict by its keys, including their order if it differs from the canonical one."""
         self.put("dict", str(len(x)))
         items = sorted(((self.apart(key), key) for key in x), key=lambda item: item[0])
         places = {id(key): place for place, key in enumerate(x)}
@@ -112,7 +112,7 @@ class Encoder(ABC):
                 self.value(x[key])
 
     def array(self, x: np.ndarray[Any, Any]) -> None:
-        """Add an array: type, shape, and values in the order of C."""
+        """Add an array: type, shape, and values in C order."""
         self.put("array", x.dtype.str, str(x.shape))
         if type(x) is not np.ndarray:
             self.value(type(x))
@@ -120,7 +120,7 @@ class Encoder(ABC):
             if isinstance(x, np.ma.MaskedArray):
                 self.value(np.ma.getmaskarray(x))
         plain = np.asarray(x)
-        if plain.dtype.names:  # between the fields may be anything
+        if plain.dtype.names:  # the gaps between fields may hold anything
             self.named("fields", {name: plain[name] for name in plain.dtype.names})
         elif plain.dtype.hasobject:
             self.values("items", plain.ravel().tolist())
@@ -129,7 +129,7 @@ class Encoder(ABC):
 
 
 def exactly(x: float) -> str:
-    """A float with all its bits; the usual NaN is that."""
+    """A float with all its bits; the usual NaN is written as such."""
     raw = struct.pack("<d", x)
     return x.hex() if x == x or raw == struct.pack("<d", float("nan")) else raw.hex()
 

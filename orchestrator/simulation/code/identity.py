@@ -1,14 +1,14 @@
-"""What Python code and values are known by: a SHA-256 that is complete and the same everywhere.
+"""Identity of Python code and values: a SHA-256 that is complete and the same everywhere.
 
-Functions are known by their compiled code, and by the values that it refers to: globals, attributes
-of the user's modules, closures and defaults. Classes are known by their namespaces, bases and
-metaclasses, objects by their classes and states, packages by name and version. Neither process
-nor folder matters: sets count without their order, and paths below the folder of the code from
-there. What `pickle` cannot take apart, such as a lock, is refused with its place. Annotations,
-texts and the order of definitions count if code reads them.
+A function is identified by its compiled code and by the values that it refers to: globals,
+attributes of the user's modules, closures and defaults. A class is identified by its namespace,
+bases and metaclass, an object by its class and state, a package by name and version. Neither
+process nor folder matters: sets count without their order, and paths inside the folder of the code
+are relative to it. Values that `pickle` cannot take apart, such as a lock, are refused with their
+location. Annotations, texts and the order of definitions count if code reads them.
 
-Not seen are data that the code reads, modules that it finds by names made while it runs, what an
-object keeps from `pickle`, values that are put into packages, and random states of the process.
+Not covered: data that the code reads, modules whose names it computes at run time, parts of an
+object hidden from `pickle`, values put into packages, and random states of the process.
 """
 
 from __future__ import annotations
@@ -35,45 +35,45 @@ _LONGEST = 200
 
 
 class _RefusedError(Exception):
-    """A value that nothing canonical stands for."""
+    """A value without a canonical representation."""
 
     def __init__(self, thing: object, path: Iterable[str], why: str = "") -> None:
         self.what, self.at, self.why = instance(thing), list(path), why
 
 
 def identity(thing: Any, where: str, name: str) -> str:
-    """SHA-256 of a function, class or object, and of all that it refers to.
+    """SHA-256 of a function, class or object, and of everything it refers to.
 
     Raises
     ------
     ConfigurationError
-        It refers to something that cannot be told from another of its kind; the message names it.
+        It refers to something that cannot be told from others of its kind; the message names it.
     """
     encoder = _Encoder([name])
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of attributes that are read here only
+            warnings.simplefilter("ignore")  # about attributes that are only read here
             while encoder.started(thing).noticed != encoder.asked:
                 encoder = _Encoder([name], asked=frozenset(encoder.noticed))
     except _RefusedError as error:
         at = shortened(" > ".join(error.at), _LONGEST)
         raise ConfigurationError(
-            f"{where}: {name} must refer only to what a run can be known by (code, values, arrays, "
+            f"{where}: {name} must refer only to what can identify a run (code, values, arrays, "
             f"objects that can be pickled), got {error.what}{error.why} at {at}"
         ) from None
     except RecursionError:
         raise ConfigurationError(
-            f"{where}: {name} must refer only to what a run can be known by, got objects that are "
+            f"{where}: {name} must refer only to what can identify a run, got objects that are "
             "nested too deeply"
         ) from None
     return encoder.digest.hexdigest()
 
 
 class _Encoder(Encoder):
-    """Adds what is of the user, too."""
+    """Adds code and objects of the user too."""
 
     def started(self, thing: Any) -> _Encoder:
-        """Add what all is about."""
+        """Add the root value."""
         self.folder = taking_apart.folder_of(thing)
         self.value(thing)
         return self
@@ -107,7 +107,7 @@ class _Encoder(Encoder):
             self.thing(x)
 
     def thing(self, x: Any) -> None:
-        """Add a value that may be referred to more than once."""
+        """Add a value that may be referenced more than once."""
         kind = type(x)
         if kind is list or kind is tuple:
             self.values(kind.__name__, x)
@@ -115,7 +115,7 @@ class _Encoder(Encoder):
             self.dict(dict(x), kind is not taking_apart.Unordered)
         elif isinstance(x, np.ndarray):
             self.array(x)
-        elif isinstance(x, np.void | np.longdouble | np.clongdouble):  # with bytes between values
+        elif isinstance(x, np.void | np.longdouble | np.clongdouble):  # with padding bytes
             self.value(kind)
             self.array(np.asarray(x))
         elif isinstance(x, types.ModuleType):
@@ -140,7 +140,7 @@ class _Encoder(Encoder):
     # --- Code ------------------------------------------------------------------------------------
 
     def code(self, x: types.CodeType) -> None:
-        """Add compiled code, without where it stands."""
+        """Add compiled code, independent of its location."""
         self.noticed |= asks(x)
         counts = (x.co_argcount, x.co_posonlyargcount, x.co_kwonlyargcount, x.co_flags)
         self.put("code", x.co_name, x.co_code, x.co_exceptiontable, str(counts))
@@ -149,11 +149,11 @@ class _Encoder(Encoder):
         self.put("constants", str(len(x.co_consts)))
         for value in x.co_consts:
             if "__static_attributes__" in x.co_names and _are_texts(value):
-                value = tuple(sorted(value))  # made of a set
+                value = tuple(sorted(value))  # made from a set
             self.value(value)
 
     def function(self, x: types.FunctionType) -> None:
-        """Add a function: its code and all that this refers to, or its name in a package."""
+        """Add a function: its code and everything it refers to, or its name in a package."""
         name = str(x.__globals__.get("__name__", ""))
         given = x.__globals__.get("__file__")
         file = Path(given).absolute() if isinstance(given, str) else None
@@ -222,7 +222,7 @@ class _Encoder(Encoder):
         self, imports: Iterable[tuple[str, int, str]], known: Mapping[str, Any],
         chains: Mapping[str, Chains],
     ) -> None:  # fmt: skip
-        """Add what code reads of modules that it imports itself, loaded or not."""
+        """Add what code reads from modules that it imports itself, loaded or not."""
         package = origins.package_in(known)
         named = [(origins.absolute(n, level, package), v) for n, level, v in sorted(imports)]
         modules = {full: origins.users_module(full) for full, _ in named}
@@ -231,7 +231,7 @@ class _Encoder(Encoder):
             if found is None or variable not in chains:
                 continue
             parts = chains[variable]
-            if variable.startswith(HELD):  # modules among them are variables
+            if variable.startswith(HELD):  # modules in it are variables
                 parts = tuple(p for p in parts if origins.found(".".join((full, *p))) is None)
             with self.at(full):
                 for some in [(p,) for p in parts] if variable.startswith(HELD) else [parts]:
@@ -243,19 +243,19 @@ class _Encoder(Encoder):
                         self.put("missing")
 
     def used(self, value: Any, chains: Chains | None) -> None:
-        """Add a value; of a module of the user only what is read of it."""
+        """Add a value; of a user's module, only the parts that are read."""
         if isinstance(value, types.ModuleType):
             self.module(value, chains)
         else:
             self.value(value)
 
     def module(self, x: types.ModuleType, chains: Chains | None) -> None:
-        """Add a module: a package by name and version, one of the user by file and values.
+        """Add a module: a package by name and version, a user's module by file and values.
 
         Parameters
         ----------
         chains
-            Attributes that are read of it, such as ``(("part", "LIMIT"),)``; None: perhaps all.
+            Attributes that are read from it, such as ``(("part", "LIMIT"),)``; None: perhaps all.
         """
         package = origins.package_of_module(x)
         if package is not None:
@@ -276,7 +276,8 @@ class _Encoder(Encoder):
             self.named("all", {n: v for n, v in known.items() if not n.startswith("__")})
 
     def package(self, name: str, package: str, chains: Chains) -> None:
-        """Add a module of a package, and what the user has put in place of what is read of it."""
+        """Add a module of a package, and anything the user has substituted in the parts that are
+        read."""
         self.put("package", name, package)
         for chain in sorted(chains):
             for thing in taking_apart.put_in(sys.modules.get(name), chain):
@@ -284,7 +285,7 @@ class _Encoder(Encoder):
                     self.value(thing)
 
     def read(self, module: types.ModuleType, chain: tuple[str, ...]) -> None:
-        """Add what an attribute of a module has as value, through modules in modules."""
+        """Add the value of an attribute of a module, through modules inside modules."""
         first, *rest = chain
         with self.at(first):
             if first in vars(module):
@@ -313,7 +314,7 @@ class _Encoder(Encoder):
         self.folder = before
 
     def builtin(self, x: types.BuiltinFunctionType) -> None:
-        """Add a function of a module in C, or a method of one of its objects."""
+        """Add a function of a C module, or a method of one of its objects."""
         owner = x.__self__
         self.put("builtin", x.__qualname__)
         if owner is None or isinstance(owner, types.ModuleType):
@@ -325,7 +326,7 @@ class _Encoder(Encoder):
             self.value(owner)
 
     def descriptor(self, x: Any) -> bool:
-        """Add what wraps functions; False if it is no such thing."""
+        """Add a wrapper of functions; False if it is not one."""
         parts = taking_apart.wrapped(x)
         if parts is None:
             return False

@@ -1,8 +1,9 @@
-"""Files of the user's Python code, with the local files that they import, and their identity.
+"""Files of the user's Python code, including imported local files, and their identity.
 
-A file is known by its bytes, by those of all local files that it and they import, and by names and
-versions of the installed packages that these import. Local is what is neither installed, nor of the
-standard library, nor ours. Files are known by the names of their modules, not by their folders.
+A file is identified by its bytes, by those of all local files that it imports directly or
+indirectly, and by names and versions of the installed packages that these import. Local files are
+neither installed, nor part of the standard library, nor ours. Files are identified by the names of
+their modules, not by their folders.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ _SOURCES = tuple(importlib.machinery.SOURCE_SUFFIXES)
 
 @dataclass
 class Imports:
-    """What some code imports: local files by the names of their modules, and packages."""
+    """Imports of some code: local files by the names of their modules, and packages."""
 
     files: dict[str, tuple[Path, str]] = field(default_factory=dict)
     packages: set[str] = field(default_factory=set)
@@ -45,7 +46,7 @@ class Imports:
         return bool(self.files or self.packages)
 
     def add_source(self, source: bytes, package: str) -> None:
-        """Add all that a source imports, and what that imports."""
+        """Add everything that a source imports, directly or indirectly."""
         for name in origins.imported(source, package):
             self.add_name(name)
 
@@ -59,14 +60,14 @@ class Imports:
         if not users:
             words = origins.package_of(name, file) or ""
             self._installed.add(name.partition(".")[0])
-            # Of the standard library and of this package, files need no version.
+            # The standard library and this package need no version for each file.
             if words != "sblcosim" and not words.startswith("Python "):
                 self.packages.add(words)
         elif file is not None and file.is_file():
             self.add_file(name, file, package)
 
     def add_module(self, module: ModuleType) -> None:
-        """Add a module that is there, whether its name can be imported or not."""
+        """Add a module that exists, whether its name can be imported or not."""
         file = origins.file_of(module)
         if file is None or module.__name__ in self.files or not file.is_file():
             return
@@ -74,7 +75,7 @@ class Imports:
             self.add_file(module.__name__, file, getattr(module, "__package__", None) or "")
 
     def add_read(self, file: Path, folder: Path) -> None:
-        """Add a source that is no module, by its place in the folder of what has read it."""
+        """Add a source that is not a module, by its path relative to the file that read it."""
         inside = file.is_relative_to(folder)
         name = file.relative_to(folder).as_posix() if inside else file.name
         while f"./{name}" in self.files:
@@ -82,7 +83,7 @@ class Imports:
         self.add_file(f"./{name}", file, "")
 
     def add_file(self, name: str, file: Path, package: str) -> None:
-        """Add a local file, and what that imports."""
+        """Add a local file and its imports."""
         content = file.read_bytes()
         self.files[name] = (file, hashlib.sha256(content).hexdigest())
         if file.suffix in _SOURCES:
@@ -90,19 +91,19 @@ class Imports:
 
 
 def identity_of_module(module: ModuleType) -> list[object]:
-    """What a module of the user is known by: its file, and all that this imports."""
+    """Identity of a user's module: its file with everything that it imports."""
     imports = Imports()
     imports.add_module(module)
     return imports.facts()
 
 
 def identity_of_names(names: Iterable[tuple[str, int, str]], package: str) -> list[object]:
-    """What modules are known by that some code imports, by name and level.
+    """Identity of the modules that some code imports, by name and level.
 
     Parameters
     ----------
     package
-        That relative imports start from.
+        Package from which relative imports start.
     """
     imports = Imports()
     for name, level, _ in names:
@@ -125,9 +126,9 @@ class Loaded(NamedTuple):
     Attributes
     ----------
     sha256
-        What it is known by.
+        Its identity.
     files
-        That it imports.
+        Files that it imports.
     """
 
     module: ModuleType
@@ -138,30 +139,30 @@ class Loaded(NamedTuple):
 _LOADED: dict[tuple[Path, bytes], Loaded] = {}
 _LONGEST = 64
 _OWN: dict[str, ModuleType] = {}
-"""Local modules that were first imported by a file that was loaded here."""
+"""Local modules that were first imported by a file loaded here."""
 _SEEN: dict[int, tuple[ModuleSpec, str]] = {}
-"""SHA-256 of local files when modules were first seen, by their import."""
+"""SHA-256 of local files when their modules were first imported."""
 
 
 def loaded(
     path: Path, source: bytes, execute: Callable[[Path, bytes], ModuleType]
 ) -> Loaded:
-    """Run a file, or take it as it was run, with its identity.
+    """Run a file, or return it as it was run, with its identity.
 
-    A file without local and installed imports is known by the SHA-256 of its bytes. If a local file
-    has changed that a file run here has imported, it is imported again.
+    A file without local and installed imports is identified by the SHA-256 of its bytes. If a local
+    file imported by a file run here has changed, it is imported again.
 
     Parameters
     ----------
     path
-        Absolute.
+        Absolute path.
     execute
         Runs the source, and returns its module.
 
     Raises
     ------
     ConfigurationError
-        A local file has changed since another part of this process has imported it.
+        A local file has changed since another part of this process imported it.
     """
     known = _LOADED.get((path, source))
     if known is None or changed(known.files):
@@ -184,26 +185,26 @@ def loaded(
 def module_of(
     path: Path, source: bytes, execute: Callable[[Path, bytes], ModuleType], files: Files
 ) -> ModuleType:
-    """The module of a file as it was run, or else run now; as `loaded`.
+    """The module of a file, run now unless it has been run; see `loaded`.
 
     Parameters
     ----------
     files
-        That it imports where it is known.
+        Files that it imports according to its identity.
 
     Raises
     ------
     CodeChangedError
-        It imports another file here, or one of these has changed.
+        It imports a different file here, or one of these has changed.
     """
     known = _LOADED.get((path, source)) or loaded(path, source, execute)
-    # One that another file here has imported before may be missing.
+    # One that another file here imported earlier may be missing.
     refuse(path, sorted({*known.files} - {*files}) or changed({*files} - {*known.files}))
     return known.module
 
 
 def changed(files: Iterable[tuple[str, Path, str]]) -> Files:
-    """Those of some files that are not as they were."""
+    """Those of the files that have changed."""
     return tuple(
         (name, path, sha)
         for name, path, sha in files
@@ -212,11 +213,11 @@ def changed(files: Iterable[tuple[str, Path, str]]) -> Files:
 
 
 def refuse(path: Path, files: Iterable[tuple[str, Path, str]]) -> None:
-    """Refuse code of a file, if any of the files that it imports has changed."""
+    """Refuse code from a file if any of the files that it imports has changed."""
     for _, file, _ in files:
         raise CodeChangedError(
-            f"{path.name}: must be as it was when it was loaded, got another {file.name}, which it "
-            "imports; load it again"
+            f"{path.name}: must be as it was when it was loaded, but {file.name}, which it "
+            "imports, has changed; load it again"
         )
 
 
@@ -231,8 +232,8 @@ def _loaded(source: bytes, module: ModuleType, imports: Imports) -> Loaded:
 def _executed(
     path: Path, source: bytes, execute: Callable[[Path, bytes], ModuleType]
 ) -> tuple[ModuleType, set[str]]:
-    """Run a file; the other sources that are read or run meanwhile, by whatever means."""
-    # Compiled files are told apart by seconds, so a file that was just changed may seem unchanged.
+    """Run a file; returns also the other sources that are read or run in the process."""
+    # Compiled files are compared by whole seconds, so a file just changed may seem unchanged.
     written, sys.dont_write_bytecode = sys.dont_write_bytecode, True
     importlib.invalidate_caches()
     heard: set[str] = set()
@@ -247,18 +248,18 @@ def _executed(
 
 
 _LISTENERS: list[tuple[int, set[str]]] = []
-"""Threads that run files, and what sources are read or run there."""
+"""Threads that run files, and the sources read or run there."""
 
 
 @cache
 def _listen() -> None:
-    """Hear of files that are opened and code that is run; such a hook stays for ever."""
+    """Observe opened files and executed code; such a hook stays forever."""
 
     def hear(event: str, arguments: tuple[object, ...]) -> None:
         if not _LISTENERS or event not in ("open", "exec"):
             return
         thing = getattr(arguments[0], "co_filename", arguments[0])
-        with suppress(Exception):  # of the user's paths
+        with suppress(Exception):  # from the user's paths
             name = os.fspath(thing)  # type: ignore[call-overload]
             if isinstance(name, str) and name.endswith(_SOURCES):
                 for thread, heard in _LISTENERS:
@@ -307,7 +308,7 @@ def _local(name: str, file: str) -> bool:
 
 
 def _check(files: Files) -> None:
-    """Refuse code that differs from the file that it is known by."""
+    """Refuse code that differs from the file that identifies it."""
     for name, path, sha in files:
         spec = getattr(sys.modules.get(name), "__spec__", None)
         if spec is None:

@@ -1,4 +1,4 @@
-"""Where Python code comes from: the standard library, an installed package, here, or the user."""
+"""Origin of Python code: the standard library, an installed package, this project, or the user."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ _INSTALLED = {"site-packages", "dist-packages"}
 
 
 def file_of(module: ModuleType) -> Path | None:
-    """The file of a module; None without one."""
+    """The file of a module; None if it has none."""
     file = getattr(module, "__file__", None)
     return Path(file).absolute() if isinstance(file, str) else None
 
 
 @lru_cache(4096)
 def package_of(name: str, file: Path | None) -> str | None:
-    """The package that a module is part of, as it is known; None for code of the user.
+    """Identity of the package of a module; None for code of the user.
 
-    Known are installed packages by name and version, the standard library by the version of
+    Installed packages are identified by name and version, the standard library by the version of
     Python, and this package by its name.
     """
     root = name.partition(".")[0]
@@ -63,7 +63,7 @@ def _version(root: str) -> str:
 
 
 def is_users_file(file: Path) -> bool:
-    """Whether a file of Python is neither installed nor of the standard library."""
+    """Whether a Python file is neither installed nor part of the standard library."""
     installed = _INSTALLED & set(file.parts)
     return not installed and not any(file.resolve().is_relative_to(f) for f in _STANDARD)
 
@@ -76,8 +76,8 @@ def package_of_module(module: ModuleType) -> str | None:
 def found(name: str) -> tuple[Path | None, str, bool] | None:
     """File, package (`""` at the top) and kind of the module that a name means.
 
-    Nothing is imported for it: a module that is not loaded is looked for. The last is whether its
-    code is the user's. None: there is none.
+    Nothing is imported for this: a module that is not loaded is searched for. The kind tells
+    whether its code is the user's. None: there is no such module.
     """
     module = sys.modules.get(name)
     if module is not None:
@@ -92,13 +92,13 @@ def found(name: str) -> tuple[Path | None, str, bool] | None:
 
 
 def users_module(name: str) -> ModuleType | None:
-    """A module of the user by its name, imported if it is not yet; None if there is none."""
+    """A user's module by its name, imported if necessary; None if there is none."""
     known = found(name)
     if known is None or not known[2]:
         return None
     try:
         return importlib.import_module(name)
-    except (Exception, SystemExit):  # the code that imports it fails as well
+    except (Exception, SystemExit):  # the code that imports it fails too
         return None
 
 
@@ -118,12 +118,12 @@ def _spec(name: str) -> ModuleSpec | None:
 
 @lru_cache(256)
 def imported(source: bytes, package: str) -> tuple[str, ...]:
-    """Names of all modules that a source imports, in functions, too, and all that may be modules.
+    """Names of all modules that a source imports, also in functions, and of all possible modules.
 
     Parameters
     ----------
     package
-        That relative imports start from.
+        Package from which relative imports start.
     """
     try:
         tree = ast.parse(source)
@@ -164,6 +164,6 @@ def absolute(name: str, level: int, package: str) -> str:
 
 
 def package_in(namespace: Mapping[str, object]) -> str:
-    """The package that relative imports of a module with these globals start from."""
+    """The package from which relative imports of a module with these globals start."""
     package = namespace.get("__package__")
     return package if isinstance(package, str) else ""

@@ -1,4 +1,4 @@
-"""What compiled code reads: globals, attributes of them, and the modules that it imports."""
+"""What compiled code reads: globals, their attributes, and the modules that it imports."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ _ASKS = {
     "get_type_hints": "annotations", "return_annotation": "annotations", "__doc__": "texts",
     "getdoc": "texts", "__dict__": "order", "vars": "order", "__subclasses__": "subclasses",
 }  # fmt: skip
-"""Names by which code reads what else says nothing of what a run does."""
+"""Names by which code reads things that otherwise do not affect a run."""
 HELD = "from "
-"""Starts the name of a variable that stands for the module in ``from module import …``."""
+"""Prefix of the variable that stands for the module in ``from module import …``."""
 
 
 @dataclass(frozen=True)
 class Reads:
-    """What code and all that is nested in it reads.
+    """What code, including all nested code, reads.
 
     Attributes
     ----------
     globals
         Names that may be globals.
     chains
-        By the name of a variable, be it global, local or of a closure.
+        Chains of attributes by the name of a variable: global, local or in a closure.
     imports
         Name, level, and the variable that stands for the module.
     named
-        Texts that may be names of modules, where code finds modules by texts.
+        Texts that may be names of modules, if code finds modules by texts.
     is_whole
         Whether it may read all globals.
     """
@@ -50,14 +50,15 @@ class Reads:
 
 
 def asks(code: CodeType) -> set[str]:
-    """What code reads of classes and functions beside what they do: an entry of each in `_ASKS`."""
+    """Properties of classes and functions that code reads, besides their effect: keys of
+    `_ASKS`."""
     texts = (text for text in code.co_consts if isinstance(text, str))
     return {_ASKS[name] for name in (*code.co_names, *texts) if name in _ASKS}
 
 
 @lru_cache(1024)
 def reads(code: CodeType) -> Reads:
-    """What some code reads, wherever it is in it."""
+    """Everything that code reads, wherever it is in it."""
     names: set[str] = set()
     chains: dict[str, set[tuple[str, ...]]] = {}
     imports: set[tuple[str, int, str]] = set()
@@ -95,7 +96,7 @@ def _collect(
         if current is not None:
             chains.setdefault(current[0], set()).add(tuple(current[1]))
             current = None
-        if name in _GLOBAL and (name, value) != ("LOAD_NAME", "__name__"):  # of each class
+        if name in _GLOBAL and (name, value) != ("LOAD_NAME", "__name__"):  # in every class
             names.add(value)
             current = (value, [])
         elif name.startswith("LOAD_") and ("FAST" in name or "DEREF" in name):
@@ -136,6 +137,6 @@ class _Import:
         """Name and level of the module that a variable may be."""
         if self.is_from:
             name = f"{self.module}.{self.part}" if self.module else self.part
-        else:  # `import a.b` sets `a`, `import a.b as c` the whole
+        else:  # `import a.b` sets `a`, `import a.b as c` the whole module
             name = self.module if self.part else self.module.partition(".")[0]
         return name, self.level, variable

@@ -1,4 +1,4 @@
-"""What classes, descriptors and objects consist of, for their identity."""
+"""Parts of classes, descriptors and objects, for their identity."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ _UNSAID = {
     "__static_attributes__", "__classcell__", "_abc_impl", "__pydantic_core_schema__",
     "__pydantic_validator__", "__pydantic_serializer__", "__pydantic_parent_namespace__",
 }  # fmt: skip
-"""Entries of a class that say nothing of what it does, or differ from process to process."""
+"""Entries of a class that do not affect its behaviour, or differ between processes."""
 _COPIED = {
     *functools.WRAPPER_ASSIGNMENTS, "__wrapped__", "cache_parameters", "func", "attrname", "lock",
 }  # fmt: skip
-"""Attributes of a descriptor that it has from its function."""
+"""Attributes that a descriptor takes from its function."""
 _MEMBERS = (types.MemberDescriptorType, types.GetSetDescriptorType)
 _SLOTS = (
     types.WrapperDescriptorType, types.MethodDescriptorType, types.ClassMethodDescriptorType,
@@ -42,7 +42,7 @@ _SLOTS = (
 _REFUSED = (
     *(t for t in vars(itertools).values() if isinstance(t, type)), ctypes.CDLL, ctypes.c_void_p
 )  # fmt: skip
-"""What `pickle` takes apart, in some versions of Python or into addresses."""
+"""Types that `pickle` takes apart differently by version of Python, or into addresses."""
 _PYDANTIC = "pydantic._internal._decorators"
 _VALUES = (int, float, complex, str, bytes, tuple, list, dict, set)
 _MANY = 10_000
@@ -51,18 +51,18 @@ _HEAP = 1 << 9  # Py_TPFLAGS_HEAPTYPE
 
 
 def package_of_class(kind: type) -> str | None:
-    """The package in which a class is found by its name, as it is known; None: there is none."""
+    """Identity of the package in which a class is found by its name; None: there is none."""
     name = str(kind.__module__)
     module = sys.modules.get(name)
     package = (
         origins.package_of_module(module) if module is not None else origins.package_of(name, None)
     )
-    static = not kind.__flags__ & _HEAP  # in C, perhaps without a name that can be imported
+    static = not kind.__flags__ & _HEAP  # in C, perhaps without an importable name
     return package if static or found(name, kind.__qualname__) is kind else None
 
 
 def found(module: str, name: str) -> Any:
-    """What a module has by a dotted name; None if there is none."""
+    """The object with a dotted name in a module; None if there is none."""
     thing: Any = sys.modules.get(module)
     for part in name.split("."):
         thing = inspect.getattr_static(thing, part, None)
@@ -70,7 +70,7 @@ def found(module: str, name: str) -> Any:
 
 
 def has_source(module: types.ModuleType) -> bool:
-    """Whether a module may be Python."""
+    """Whether a module may be written in Python."""
     file = origins.file_of(module)
     return file is None or file.suffix in ("", ".py", ".pyw")
 
@@ -89,7 +89,7 @@ def is_users(thing: Any) -> bool:
 
 
 def put_in(module: types.ModuleType | None, chain: Iterable[str]) -> Iterator[Any]:
-    """What of the user's is in place of attributes of a package."""
+    """The user's replacements for attributes of a package."""
     thing: Any = module
     for part in chain:
         thing = inspect.getattr_static(thing, part, None)
@@ -99,7 +99,7 @@ def put_in(module: types.ModuleType | None, chain: Iterable[str]) -> Iterator[An
 
 
 def put_in_class(kind: type) -> dict[str, Any]:
-    """Functions and classes of the user in a class of a package."""
+    """The user's functions and classes in a class of a package."""
     return {
         f"{number} {name}": value
         for number, base in enumerate(kind.__mro__)
@@ -109,14 +109,14 @@ def put_in_class(kind: type) -> dict[str, Any]:
 
 
 def builtin(name: str) -> Any:
-    """What the user has put among the builtins by a name; None if it is as it comes."""
+    """The user's replacement for a builtin; None if it is original."""
     value = vars(builtins).get(name)
     plain = isinstance(value, _VALUES) and not name.startswith("__")
     return value if plain or is_users(value) else None
 
 
 def folder_of(thing: Any) -> str:
-    """The folder that the code of something of the user is in; empty if there is none."""
+    """The folder of a user's code; empty if there is none."""
     while isinstance(thing, functools.partial | types.MethodType):
         thing = thing.func if isinstance(thing, functools.partial) else thing.__func__
     if not is_users(thing):
@@ -130,7 +130,7 @@ def folder_of(thing: Any) -> str:
 
 
 def asked_of(kind: type, asked: Collection[str]) -> dict[str, Any]:
-    """What of a class counts if there is any, or if code reads it."""
+    """Parts of a class that count if they exist, or only if code reads them."""
     found: dict[str, Any] = {}
     if isinstance(kind, abc.ABCMeta):
         told = [k for k in (reference() for reference in _abc._get_dump(kind)[0]) if k is not None]
@@ -151,7 +151,7 @@ def is_generator_of_all(thing: Any) -> bool:
 
 
 class Unordered(dict[Any, Any]):
-    """A dict whose order says nothing, or what other entries of a class say."""
+    """A dict whose order is meaningless, or that other entries of a class determine."""
 
 
 def held(thing: Any) -> Unordered | None:
@@ -161,7 +161,7 @@ def held(thing: Any) -> Unordered | None:
 
 
 def namespace(kind: type) -> dict[str, Any]:
-    """The entries of a class that say what it does."""
+    """The entries of a class that determine its behaviour."""
     found = {
         name: value
         for name, value in vars(kind).items()
@@ -176,7 +176,7 @@ def namespace(kind: type) -> dict[str, Any]:
 
 
 def wrapped(thing: Any) -> tuple[Any, ...] | None:
-    """What a descriptor or wrapper in C holds; None if it is no such thing."""
+    """What a C descriptor or wrapper holds; None if it is not one."""
     if isinstance(thing, property):
         return thing.fget, thing.fset, thing.fdel
     if isinstance(thing, staticmethod | classmethod):
@@ -194,12 +194,12 @@ def wrapped(thing: Any) -> tuple[Any, ...] | None:
 
 
 def attributes(thing: Any) -> dict[str, Any]:
-    """Attributes of a descriptor that it does not have from its function."""
+    """Attributes of a descriptor that do not come from its function."""
     return {k: v for k, v in getattr(thing, "__dict__", {}).items() if k not in _COPIED}
 
 
 def is_many(value: tuple[Any, ...]) -> bool:
-    """Whether a tuple has so many in it that one that is there often must not be written again."""
+    """Whether a tuple is so large that repeated occurrences must not be written again."""
     known: dict[int, int] = {}
 
     def count(of: tuple[Any, ...]) -> int:
@@ -211,7 +211,7 @@ def is_many(value: tuple[Any, ...]) -> bool:
 
 
 def content(array: np.ndarray[Any, Any]) -> bytes:
-    """The values of an array without objects and fields, in the order of C, without padding."""
+    """The values of an array without objects and fields, in C order, without padding."""
     if array.dtype.char not in "gG" or np.finfo(np.longdouble).nmant != 63:
         return array.tobytes()
     plain = np.array(array, array.dtype.newbyteorder("="), order="C").ravel().view(np.longdouble)
@@ -219,18 +219,18 @@ def content(array: np.ndarray[Any, Any]) -> bytes:
 
 
 def beside(thing: Any) -> dict[str, Any]:
-    """Attributes of a member of an enumeration that its value does not say."""
+    """Attributes of an enumeration member beyond its value."""
     if not isinstance(thing, enum.Enum):
         return {}
     return {k: v for k, v in vars(thing).items() if not (k[0] == "_" == k[-1])}
 
 
 def is_at(thing: Any, name: str) -> bool:
-    """Whether a name, in whatever module, means this object."""
+    """Whether a name in any module refers to this object."""
     first, _, rest = name.partition(".")
     for module in [*sys.modules.values()]:
         there = getattr(module, "__dict__", {}).get(first)
-        with suppress(Exception):  # of whatever is in a module
+        with suppress(Exception):  # modules may hold anything
             if there is not None and (attrgetter(rest)(there) if rest else there) is thing:
                 return True
     return isinstance(thing, _TYPE_VARIABLES)
@@ -242,7 +242,7 @@ def reduced(thing: Any) -> str | tuple[Any, ...]:
     Raises
     ------
     Exception
-        Of any type, if that cannot be done.
+        Of any type, if that is impossible.
     """
     if isinstance(thing, _REFUSED):
         raise TypeError

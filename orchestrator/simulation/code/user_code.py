@@ -1,4 +1,4 @@
-"""Python code of the user: run from a file, known by a hash, sent to other processes by value."""
+"""Python code of the user: run from a file, identified by a hash, sent by value."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ _LONGEST = 240  # characters of an exception's text
 
 
 CONSTRUCTOR = "its constructor"
-"""What the making of an object is called where it fails."""
+"""Name for the construction of an object in failure messages."""
 
 _allowed: Callable[[], None] | None = None
 
 
 def allow(loaded: Callable[[], None]) -> None:
-    """Let this process run files of the user: a child process that is there for it.
+    """Allow this process to run files of the user: a child process made for this.
 
     Parameters
     ----------
@@ -57,28 +57,28 @@ def is_allowed() -> bool:
 
 
 def foreseen() -> tuple[type[BaseException], ...]:
-    """What the user's code may raise: in a process of its own nothing else raises anything."""
+    """Exceptions that the user's code may raise; all of them only in a separate process."""
     return (BaseException,) if is_allowed() else (Exception, SystemExit)
 
 
 @dataclass(frozen=True)
 class InFile:
-    """A class or function in a file of the user, which is called in child processes only.
+    """A class or function in a file of the user, which is called only in child processes.
 
     Attributes
     ----------
     path, content
-        The file, and its bytes; None: it is known by value.
+        The file, and its bytes; None: it is passed by value.
     name
         Its name in the file.
     key
-        What tells the file from others.
+        Identifies the file.
     files
-        That it imports.
+        Files that it imports.
     is_receiver
         Whether it is a class derived from `sblcosim.Receiver`.
     parameters
-        Of a function: its parameters, without their defaults.
+        For a function: its parameters without defaults.
     packed
         Its value, for processes that may not have the file.
     """
@@ -94,7 +94,7 @@ class InFile:
 
     @property
     def file(self) -> InFile:
-        """Itself, as whatever it is part of says."""
+        """The object itself; whatever contains it is identified elsewhere."""
         return self
 
     @property
@@ -107,7 +107,7 @@ class InFile:
         Raises
         ------
         CodeChangedError
-            The files that it imports are not those that it is known by.
+            The imported files are not those that identify it.
         """
         assert _allowed is not None, "files of the user are run in child processes only"
         if self.content is None:
@@ -120,7 +120,7 @@ class InFile:
 
 
 class Gone:
-    """In place of a class or function of which only the origin and hash are known."""
+    """Placeholder for a class or function of which only origin and hash are known."""
 
     def __init__(self, message: str) -> None:
         self.message = message
@@ -135,9 +135,9 @@ class PythonSource:
     Attributes
     ----------
     origin
-        ``/path/file.py:Class``, or the module and name of what did not come from a file.
+        ``/path/file.py:Class``, or the module and name if it did not come from a file.
     sha256
-        Identity of the file or of the class or function, with all that it refers to.
+        Identity of the file, class or function, with everything it refers to.
     """
 
     # Not a dataclass: pydantic would convert it when a study holds it.
@@ -151,7 +151,7 @@ class PythonSource:
 
     @property
     def file(self) -> InFile | None:
-        """Where it comes from, if that is a file that this process does not run."""
+        """Its origin, if that is a file which this process does not run."""
         file: InFile | None = getattr(self.maker, "file", None)
         return file if isinstance(file, InFile) else None
 
@@ -183,12 +183,13 @@ def is_python(text: str) -> bool:
 
 
 def component_of(maker: Any) -> PythonSource:
-    """The component that a class or function makes; known as `fingerprint` says.
+    """The component that a class or function makes; identified by `fingerprint`.
 
     Raises
     ------
     ConfigurationError
-        It is not a class or function with a name, or refers to what a run cannot be known by.
+        It is not a class or function with a name, or refers to something that cannot identify a
+        run.
     """
     if isinstance(maker, PythonSource):
         return maker
@@ -202,8 +203,8 @@ def component_of(maker: Any) -> PythonSource:
 
 
 def component_of_origin(origin: str, sha256: str) -> PythonSource:
-    """A component of which only the origin and hash are known."""
-    gone = Gone(f"the class must be at hand, got none; it is {origin}")
+    """A component of which only origin and hash are known."""
+    gone = Gone(f"the class must be available, got none; it is {origin}")
     return PythonSource(gone, origin, sha256)
 
 
@@ -220,7 +221,7 @@ def read_file(path: Path, must: str, where: str) -> bytes:
     Parameters
     ----------
     must, where
-        Starts of messages: for a file that is not there, and for one that cannot be run.
+        Beginnings of messages: if the file is missing, and if it cannot be run.
 
     Raises
     ------
@@ -237,7 +238,7 @@ def read_file(path: Path, must: str, where: str) -> bytes:
 
 
 def run_file(path: Path, content: bytes, where: str) -> Loaded:
-    """Run a Python file; its module and identity, as `sblcosim.simulation.code.local_files` says.
+    """Run a Python file; returns module and identity, see `sblcosim.simulation.code.local_files`.
 
     Raises
     ------
@@ -253,10 +254,10 @@ def run_file(path: Path, content: bytes, where: str) -> Loaded:
 
 
 def _module(path: Path, source: bytes) -> ModuleType:
-    # A name that no import has: what is in it is then sent to other processes by value.
+    # With a name that no import has, its content is sent to other processes by value.
     module = ModuleType(path.name)
     module.__file__ = str(path)
-    sys.modules[path.name] = module  # while it runs: dataclasses look there
+    sys.modules[path.name] = module  # during the run, because dataclasses look there
     try:
         exec(compile(source, path, "exec"), vars(module))
     finally:
@@ -295,7 +296,7 @@ def raised(error: BaseException, name: str = "") -> str:
     text = said(error)
     if not frames:
         return text
-    file = frames[0][0].co_filename  # below it are the libraries that it calls
+    file = frames[0][0].co_filename  # the frames below are the libraries that it calls
     line = [line for code, line in frames if code.co_filename == file][-1]
     return f"{text} ({f'{name} in ' if name else ''}{Path(file).name}, line {line})"
 
@@ -304,38 +305,38 @@ def raised(error: BaseException, name: str = "") -> str:
 
 
 def fingerprint(thing: Any, where: str, name: str) -> str:
-    """SHA-256 of a function or class and of all that it refers to, as `identity` says.
+    """SHA-256 of a function or class and of everything it refers to; see `identity`.
 
     Raises
     ------
     ConfigurationError
-        It refers to something that cannot be told from another of its kind.
+        It refers to something that cannot be told from others of its kind.
     """
     return identity(thing, where, name)
 
 
 def check(thing: Any, origin: str, sha256: str, where: str) -> None:
-    """Refuse a class or function given in Python that is not what it is known by.
+    """Refuse a class or function given in Python that differs from its identity.
 
     Parameters
     ----------
     origin, sha256
-        Module and name, and what it is known by.
+        Module and name, and identity.
     where
-        The key that has it.
+        The key that holds it.
 
     Raises
     ------
     CodeChangedError
-        It, or something that it refers to, has changed.
+        The object, or something it refers to, has changed.
     """
     if isinstance(thing, Gone) or isinstance(getattr(thing, "file", None), InFile):
         return
     name = origin.rpartition(":")[2]
     if fingerprint(thing, where, name) != sha256:
         raise CodeChangedError(
-            f"{where}: {name} must be as it was when it was loaded, got code or values that it "
-            "refers to that have changed since; load it again"
+            f"{where}: {name} must be as it was when it was loaded, but code or values that it "
+            "refers to have changed; load it again"
         )
 
 

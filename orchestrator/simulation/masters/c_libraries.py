@@ -48,7 +48,7 @@ def library(driver: Driver, compiler: Compiler | None = None) -> Path:
 
 
 def key(driver: Driver, platform: str) -> str:
-    """A key for everything that goes into a driver, except the compiler."""
+    """Cache key of a driver, made from everything except the compiler."""
     return factory.library_key(driver.name, _sources(driver), driver.lanes, platform)
 
 

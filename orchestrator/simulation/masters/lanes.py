@@ -1,9 +1,9 @@
 """The lanes master: many runs of one plan side by side, for our own components.
 
 Our FMUs contain their equations for 2, 4 or 8 simulations at once (exported symbol
-``sblcosim_lanes``). Runs of a plan differ only in parameters and seeds, so a group of them goes
-through the plan together, one run per lane, and gives the same bits as each run alone. Of each run
-it keeps the sums of `sblcosim.results.sums`, or a record on request.
+``sblcosim_lanes``). Runs of a plan differ only in parameters and seeds. A group of them therefore
+goes through the plan together, one run per lane, and gives the same bits as each run alone. For
+each run it keeps the sums of `sblcosim.results.sums`, or a record on request.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from .lanes_layout import layout_of, remembered, starts_of
 
 _GROUPS_PER_CALL = 16
 _SHORT = 10_000
-"""Steps of groups of runs that are over, and need no thread, before anyone could stop them."""
+"""Number of steps of groups that finish before anyone could stop them, and so need no thread."""
 ROOM_BYTES = 128 * 2**20
 """Memory of a thread [bytes] for the errors of a group of runs, if order statistics are requested.
 A single long run may take more."""
@@ -56,7 +56,7 @@ class RunsOutcome:
         By receiver: the sums of `sblcosim.results.sums.SUMS`, shape (runs, len(SUMS)). Empty if the
         system has no target and platform to judge the receivers by.
     order
-        By receiver, if requested: order statistics of the lengths of the errors [m], shape (runs,
+        By receiver, if requested: percentiles of the lengths of the errors [m], shape (runs,
         len(lengths), percentages); NaN without an estimate.
     values, time_ns, intervals_ns
         If requested: recorded variables, (runs, instants, *shape), at these times; see `Record`.
@@ -98,15 +98,15 @@ def execute(
         By ``"component.parameter"``: one value (or array, row by row) per run. Other parameters are
         as in the plan. Intervals and variants (the target's trajectory) must not vary.
     handovers
-        Outputs that become parameters before the start, e.g. the true start for a prior. The
+        Outputs that become parameters before the start, for example the true start for a prior. The
         source must come before the target in the plan.
     record
         ``"component.variable"`` of outputs to keep at all instants.
     settling_ns
         Errors count from this time after the start [ns].
     percentages
-        1 to 100: requested order statistics x₍⌈p n / 100⌉₎ of the lengths of the errors, over n
-        estimates. Long runs then use fewer lanes, as their errors must be kept.
+        1 to 100: requested percentiles x₍⌈p n / 100⌉₎ of the lengths of the errors, over n
+        estimates. Long runs then use fewer lanes, because their errors must be kept.
     lengths
         Which lengths, of `LENGTHS`.
     lanes
@@ -186,7 +186,7 @@ class _Batch:
         return self.room * (len(self.receivers) * 8 + 2 + 8) * len(LENGTHS) * self.lanes
 
     def _varied(self, variations: Mapping[str, Any]) -> tuple[int, dict[int, _Varied]]:
-        """Number of runs, and what varies of each component."""
+        """Number of runs, and the varied parameters of each component."""
         runs = 1
         parts: dict[int, list[tuple[str, int, Floats]]] = {}
         for name, given in variations.items():
@@ -224,7 +224,7 @@ class _Batch:
         return elements, table
 
     def _check(self, name: str, number: int, values: Floats) -> None:
-        """Refuse values that a parameter cannot have."""
+        """Refuse values that a parameter does not accept."""
         if not np.isfinite(values).all():
             raise ConfigurationError(f"{name}: must be finite in every run")
         port = self.plan.components[number].ports[name.partition(".")[2]]

@@ -37,7 +37,7 @@ SUMS = (
 )
 """Sums over the estimates of a run; the C driver's ``enum sum`` is generated from these names.
 
-``unjudged`` counts estimates whose epoch is older than the driver's memory, or still ahead. Such a
+``unjudged`` counts estimates whose epoch is older than the driver's memory or in the future. Such a
 run must be judged from its record.
 """
 
@@ -46,7 +46,7 @@ LENGTHS = ("absolute_horizontal", "absolute_total", "relative_horizontal", "rela
 
 ENTRY = "sblcosim_lanes"
 MAX_COMPONENTS, MAX_RECEIVERS = 64, 16
-MOMENT = 13  # values that the driver keeps of an instant
+MOMENT = 13  # number of values that the driver keeps for an instant
 DRIVER = c_libraries.Driver(
     "lanes_master",
     lanes=True,
@@ -133,7 +133,7 @@ def engine_of(component: PlannedComponent, lanes: int) -> Any:
     assert entry is not None
     engine = entry(lanes)
     if not engine:
-        raise FmuError(f"{component.name}: this processor must be able to do {lanes} lanes")
+        raise FmuError(f"{component.name}: this processor must support {lanes} lanes, but does not")
     version = ctypes.c_uint32.in_dll(loaded_driver(), "sblcosim_lanes_version").value
     if engine.contents.version != version:
         raise FmuError(

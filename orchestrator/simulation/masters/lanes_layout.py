@@ -1,4 +1,4 @@
-"""What plans of the same components and connections share, in the C driver's structures."""
+"""What plans with the same components and connections share, in the C driver's structures."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ from .lanes_driver import (
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Where everything is.
+    """Numbers and indices of components and variables.
 
     Attributes
     ----------
     numbers
-        Of the components, by name.
+        Numbers of the components, by name.
     engines
         Pointers to each component's engine.
     lanes
@@ -45,7 +45,7 @@ class Layout:
     starts, low, high
         By component: parameters and inputs that a plan does not set, and the bounds of all.
     receivers
-        Those that are judged.
+        The receivers to judge.
     """
 
     components: tuple[PlannedComponent, ...]
@@ -64,7 +64,7 @@ class Layout:
         Raises
         ------
         ConfigurationError
-            There is none; ``where`` begins the message.
+            There is none; the message begins with ``where``.
         """
         if component not in self.numbers:
             raise ConfigurationError(
@@ -82,7 +82,7 @@ class Layout:
 
     @cached_property
     def links(self) -> Sequence[tuple[int, ...]]:
-        """All connections of outputs with inputs, as C has them."""
+        """All connections from outputs to inputs, in the C structure."""
         return [
             self.link(connection.source, f"{component.name}.{port.name}", "input")
             for component in self.components
@@ -119,7 +119,7 @@ class Layout:
         )
 
     def link(self, source: str, target: str, causality: str) -> tuple[int, int, int, int, int]:
-        """A connection of an output with a whole input or parameter, as C has it."""
+        """A connection of an output to a whole input or parameter, in the C structure."""
         name, _, variable = source.partition(".")
         number, element = self.find(name, variable, "output", source)
         name, _, variable = target.partition(".")
@@ -150,7 +150,7 @@ def _made(plan: Plan, lanes: int) -> Layout:
     stranger = unsupported(plan)
     if stranger is not None:
         raise ConfigurationError(
-            f"{stranger}: must be a component of ours to run in lanes, got "
+            f"{stranger}: must be one of our own components to run in lanes, got "
             f"{next(c.origin for c in plan.components if c.name == stranger)}; "
             "use the native or the python master"
         )
@@ -192,7 +192,7 @@ def _values(component: PlannedComponent, engine: Any) -> tuple[Floats, Floats, F
 
 
 def _in_parts(component: PlannedComponent) -> bool:
-    """Whether inputs are converted, or parts of arrays."""
+    """Whether inputs are converted, or are parts of arrays."""
     return any(
         w.conversions or port.name not in component.ports or port.shape != column.shape
         for w in component.writes
@@ -207,7 +207,7 @@ def _special(component: PlannedComponent) -> ConfigurationError:
     )
 
 
-# --- What follows from a plan ---------------------------------------------------------------------
+# --- Derived from a plan --------------------------------------------------------------------------
 
 
 def receivers_of(plan: Plan) -> list[str]:
@@ -221,9 +221,9 @@ def remembered(plan: Plan, variations: Mapping[str, Any] | None = None) -> int:
     """Number of instants for which the truth is kept, so that they cover the receivers' epochs.
 
     An estimate refers to the newest sample before its update, which may be one sampling time old,
-    and is visible one update later; if the receiver has a parameter `LAG`, it may be older by its
-    value, the largest of all runs. An epoch between two instants of the target needs the earlier
-    one too.
+    and becomes visible one update later. If the receiver has a parameter `LAG`, it may be older by
+    that value, the largest of all runs. An epoch between two instants of the target also needs the
+    earlier one.
 
     Parameters
     ----------
@@ -262,9 +262,9 @@ def starts_of(
     Parameters
     ----------
     starts
-        Those of the component by itself.
+        Start values of the component itself.
     first
-        Its `first_elements`.
+        Result of its `first_elements`.
     """
     values = [*starts]
     for setting in component.settings:

@@ -1,7 +1,7 @@
 """The native master: runs a plan whose components are all FMUs, in one call to C.
 
 The loop is `c/native.c`. This module prepares its structures, starts it in a thread and waits for
-it. It makes the same calls in the same order as `sblcosim.simulation.masters.python`, and gives the
+it. It makes the same calls in the same order as `sblcosim.simulation.masters.python` and gives the
 same record to the last bit. The loop releases Python's global lock, so several threads can run
 simulations in parallel. It runs in this process, so its FMUs must return from all calls;
 `sblcosim.simulation.execution` handles the others.
@@ -248,7 +248,7 @@ class _Program:
         )
 
     def _gathered(self, write: Write) -> int:
-        """Address at which the inputs are gathered, one after another, and converted."""
+        """Address at which the inputs are gathered in sequence and converted."""
         sources, place = [], 0
         for port, column in zip(write.ports, write.columns, strict=True):
             first = write.sources[place] - column.start if port.size else 0
@@ -261,7 +261,7 @@ class _Program:
             NativeCopy(_address(source), start + end - source.nbytes, source.nbytes, 0)
             for source, end in zip(sources, ends, strict=True)
         )
-        if len(copies) == 1 and not write.conversions:  # contiguous already: no copy needed
+        if len(copies) == 1 and not write.conversions:  # already contiguous: no copy needed
             return int(copies[0].source)
         self._conversions += [
             NativeConversion(start + place * inputs.itemsize, conversion.factor, conversion.offset)

@@ -1,7 +1,8 @@
 """The Python master: runs a plan with FMPy.
 
 At each communication instant it reads and records the outputs of all components that are due, sets
-their inputs, and only then lets each step: their order has no effect, and inputs have no delay.
+their inputs, and only then lets each step. Their order therefore has no effect, and inputs have no
+delay.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ def execute(
     Parameters
     ----------
     played
-        Record of some of the components, which are played back from it instead of run.
+        Record of some components, which are played back from it instead of being run.
     progress
         Called with the completed share of the run, at most ten times per second, and with 1 at the
         end.
@@ -232,10 +233,10 @@ def initialised(component: PlannedComponent, start_ns: int, stack: ExitStack) ->
 
 
 class _Playback:
-    """Plays back the outputs of components that have been run."""
+    """Plays back the outputs of components from their record."""
 
     def __init__(self, record: Record, plan: Plan, vectors: _Vectors) -> None:
-        # Between the record's instants its components held their outputs.
+        # Between the record's instants, its components held their outputs.
         rows = np.searchsorted(record.time_ns, plan.instants, side="right") - 1
         self._row_of = dict(zip(plan.instants.tolist(), rows.tolist(), strict=True))
         self._columns = [
@@ -364,7 +365,7 @@ class _PythonRunner:
         except errors.CodeChangedError:
             raise
         except foreseen() as error:
-            if isinstance(error, SblcosimError):  # of our adapter: what is wrong, in a sentence
+            if isinstance(error, SblcosimError):  # from our adapter: a full sentence
                 raise self._failure(f"{self._name} {when}: {one_line(error)}") from error
             raise self._failure(
                 f"{self._name} {when}: must not raise an exception, got "
@@ -386,7 +387,7 @@ class _PythonRunner:
         if outputs.keys() != self._targets.keys():
             odd = ", ".join(sorted(map(str, outputs.keys() ^ self._targets.keys())))
             raise self._failure(
-                f"{where}: must return each of its outputs, got too few or too many: {odd}"
+                f"{where}: must return exactly its outputs, got too few or too many: {odd}"
             )
         arrays = {}
         for name, target in self._targets.items():
@@ -434,7 +435,7 @@ def _vectors_of(plan: Plan) -> _Vectors:
 
 
 def _converter(write: Write, inputs: Vector) -> Callable[[], None] | None:
-    """A function that converts those inputs of a write that are to be; None if there are none."""
+    """A function that converts the inputs of a write that need it; None if none do."""
     given = [[np.array(column) for column in zip(*own, strict=True)] for own in write.rounds]
 
     def convert() -> None:

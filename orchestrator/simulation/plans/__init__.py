@@ -1,1 +1,1 @@
-"""Systems that are resolved and checked, ready for any master."""
+"""Resolved and checked systems, ready for any master."""

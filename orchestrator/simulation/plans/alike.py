@@ -1,4 +1,4 @@
-"""What the points of a study share, so that it is worked out once."""
+"""Values that the points of a study share, so that they are computed once."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _PLAIN = {bool, int, float, str, type(None)}
 
 
 def alike(what: str, key: Hashable, make: Callable[[], T], *kept: object) -> T:
-    """What was made of the same key, while files are assumed unchanged; else it is made.
+    """The value for a key, made once while files are assumed unchanged.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def alike(what: str, key: Hashable, make: Callable[[], T], *kept: object) -> T:
 
 
 def bits_of(value: Any) -> bytes | None:
-    """What tells apart plain values, and arrays of them, that differ in a bit or in type.
+    """A key of plain values and arrays of them: different if they differ in a bit or in type.
 
     None for values that are not plain.
     """

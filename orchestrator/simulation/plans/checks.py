@@ -68,7 +68,7 @@ def check_instances(sources: Mapping[str, object]) -> None:
 def check_ticks(plan: Plan) -> None:
     """Refuse ticks strictly inside the communication interval of a component with inputs.
 
-    Its inputs would date from the beginning of the interval, and be older than the tick.
+    Its inputs would date from the beginning of the interval, before the tick.
     """
     for c in plan.components:
         if c.tick_ns is None or c.tick_ns % c.interval_ns == 0:

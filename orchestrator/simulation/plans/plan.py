@@ -1,10 +1,10 @@
-"""Plan: a system that is resolved and checked, ready for any master.
+"""Plan: a resolved and checked system, ready for any master.
 
 `resolve` finds the errors in a system before anything starts. A plan is plain data;
 ``print(plan)`` shows it.
 
 For each type there is one *vector* with the outputs of all components, one after another. A
-component's outputs are a slice of it, read by one FMI call; its inputs are gathered from it by
+component's outputs are a slice of it, read by one FMI call. Its inputs are gathered from it by
 index and set by one FMI call.
 """
 
@@ -65,9 +65,9 @@ class Write:
     Attributes
     ----------
     columns
-        In which each connection begins.
+        Columns in which the connections begin.
     conversions
-        Of some of the values: their places in the write, and their conversions, one after another.
+        For values that need one: their places in the write, and their conversions in sequence.
     """
 
     type: str
@@ -84,7 +84,7 @@ class Write:
 
     @property
     def rounds(self) -> list[list[tuple[int, float, float]]]:
-        """The conversions, place, factor and offset, so that each round has a value but once."""
+        """The conversions: place, factor and offset; each round holds a value at most once."""
         rounds: list[list[tuple[int, float, float]]] = []
         turns: dict[int, int] = {}
         for place, conversion in self.conversions:
@@ -96,7 +96,7 @@ class Write:
 
 
 LAG = "lag"
-"""Parameter of a receiver: by how much more its estimates are older [s], at most."""
+"""Parameter of a receiver: maximum additional age of its estimates [s]."""
 
 
 @dataclass(frozen=True)
@@ -152,12 +152,12 @@ class PlannedComponent:
 
     @property
     def sha256(self) -> str:
-        """SHA-256 by which runs know the FMU, or the user's Python file; else empty."""
+        """SHA-256 that identifies the FMU in runs, or the user's Python file; otherwise empty."""
         return self.source.known_as if isinstance(self.source, Fmu) else self.file_sha256
 
     @property
     def file_sha256(self) -> str:
-        """SHA-256 of the FMU's file, or of the user's Python file; else empty."""
+        """SHA-256 of the FMU's file, or of the user's Python file; otherwise empty."""
         return self.source.sha256 if isinstance(self.source, Fmu | PythonSource) else ""
 
 
@@ -238,7 +238,7 @@ class Plan:
         Parameters
         ----------
         width
-            Columns to fit into; None: as wide as the tables are.
+            Number of text columns to fit into; None: the full width of the tables.
         """
         return "\n".join(_lines(self, width))
 

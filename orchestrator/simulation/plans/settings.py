@@ -23,7 +23,7 @@ _PLAIN = {bool, int, float}
 
 
 def settings_of(name: str, spec: ComponentSpec, ports: Mapping[str, Port]) -> tuple[Setting, ...]:
-    """What is set of a component.
+    """The checked settings of a component.
 
     Raises
     ------
@@ -70,7 +70,7 @@ def _made(name: str, spec: ComponentSpec, ports: Mapping[str, Port]) -> tuple[Se
 
 
 def _shared(name: str, key: str, value: Any, ports: Mapping[str, Port]) -> Setting:
-    """As `_setting`, which points of a study share."""
+    """As `_setting`; shared by the points of a study."""
     fact = _fact(key, value)
     if fact is None:
         return _setting(name, key, value, ports)
@@ -80,12 +80,12 @@ def _shared(name: str, key: str, value: Any, ports: Mapping[str, Port]) -> Setti
 def texts_of(
     name: str, spec: ComponentSpec, ports: Mapping[str, Port]
 ) -> tuple[tuple[Port, str], ...]:
-    """The texts that are set of a component.
+    """The checked texts of a component.
 
     Raises
     ------
     ConfigurationError
-        There is no such variable, or it is no single text.
+        There is no such variable, or it is not a single text.
     """
     for key in spec.texts:
         port = ports.get(key)
@@ -96,9 +96,9 @@ def texts_of(
 
 
 def facts_of(spec: ComponentSpec) -> Mapping[str, bytes | None]:
-    """What tells apart all values of a parameter that differ, in a bit or in type, by parameter.
+    """A key of all parameter values, by parameter: different if they differ in a bit or in type.
 
-    None for values that are not plain. Parameters of different names have different facts.
+    None for values that are not plain. Parameters with different names have different keys.
     """
     like = spec.like
     if like is not None:
@@ -111,7 +111,7 @@ def facts_of(spec: ComponentSpec) -> Mapping[str, bytes | None]:
 
 def _fact(key: str, value: Any) -> bytes | None:
     if type(value) in _PLAIN or _are_plain(value):
-        return marshal.dumps((key, value), 2)  # of version 2: without references
+        return marshal.dumps((key, value), 2)  # version 2: without references
     return None
 
 
@@ -171,7 +171,7 @@ def checked(name: str, port: Port, number: int, value: Any) -> Number:
 
 
 def _problem(port: Port, value: Any, low: float, high: float) -> str | None:
-    """Why a value is invalid, as the end of 'must be'; None if it is valid."""
+    """The problem of an invalid value, as the end of 'must be'; None if it is valid."""
     if port.type == "Boolean":
         if not isinstance(value, bool):
             return f"true or false, got {value!r}"

@@ -1,1 +1,1 @@
-"""Files of the user: looked at and built by child processes."""
+"""Files of the user: inspected and built by child processes."""

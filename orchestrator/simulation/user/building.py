@@ -1,6 +1,6 @@
-"""A receiver in a folder of the user, from its declaration to its FMU: what a child process does.
+"""Builds a receiver in a folder of the user, from declaration to FMU; runs in a child process.
 
-Its functions are called there, as those of `loading`, and their errors are what the user reads.
+The functions are called there, like those of `loading`, and the user reads their errors.
 """
 
 from __future__ import annotations
@@ -30,20 +30,20 @@ if TYPE_CHECKING:
     from sblcosim.models.equations import Model
 
 NAME = "RECEIVER"
-"""What the file declares its receiver as."""
+"""Name under which the file declares its receiver."""
 COMPILING_S = 600
-"""How long the compiler may take [s]."""
+"""Time limit for the compiler [s]."""
 _IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 Asked = tuple[str, str, int, Fmi]
-"""Name of the FMU's file, what is said of it, number of beacons, and FMI version."""
+"""File name of the FMU, description, number of beacons, and FMI version."""
 Built = tuple[Path, tuple[Variable, ...], str, Mapping[Beacons, str]]
-"""The FMU, its parameters, its purpose, and the beacons that it is not for."""
+"""The FMU, its parameters, its purpose, and the beacons that it is unfit for."""
 
 
 def receiver(
     path: Path, content: bytes, key: str, asked: Asked, where: str
 ) -> tuple[Built, str]:
-    """The FMU of the receiver that a file declares, and what the file is known by.
+    """The FMU of the receiver that a file declares, and the identity of the file.
 
     Raises
     ------
@@ -70,7 +70,7 @@ def receiver(
 
 @contextmanager
 def _going_on(who: str) -> Iterator[None]:
-    """Tell the parent that the process goes on: a compiler takes more time than a call may."""
+    """Tell the parent that the process is alive: a compiler takes longer than a call may."""
     done = Event()
 
     def beat() -> None:
@@ -93,8 +93,7 @@ _Plain = tuple[tuple[Variable, ...], str, Mapping[Beacons, str]]
 def _declared(
     module: ModuleType, path: Path, sha256: str, asked: Asked, where: str
 ) -> tuple[ReceiverDeclaration, Component, str, _Plain]:
-    """What a module declares, for the beacons that are asked for; its key, and what is told of it.
-    """
+    """A module's declaration for the requested beacons; its key, and facts to report about it."""
     declaration = _declaration(module, path, where)
     _, readme, beacons, fmi = asked
     try:
@@ -117,7 +116,7 @@ def _declared(
 
 
 def _declaration(module: ModuleType, path: Path, where: str) -> ReceiverDeclaration:
-    """What a module declares, looked at."""
+    """The declaration of a module, checked."""
     must = f"{where}: {path.name} must have {NAME}, a ReceiverDeclaration, got"
     if NAME not in vars(module):
         names = [name for name in vars(module) if not name.startswith("_")]
@@ -128,12 +127,13 @@ def _declaration(module: ModuleType, path: Path, where: str) -> ReceiverDeclarat
     component: Any = declaration.component
     if not isinstance(component, Component):
         raise ConfigurationError(
-            f"{where}: {NAME} must be of a Component, as receiver(...) makes it, got "
+            f"{where}: {NAME} must hold a Component, as receiver(...) makes it, got "
             f"{instance(component)}"
         )
     if not _IDENTIFIER.fullmatch(component.name):
         raise ConfigurationError(
-            f"{where}: its name must be letters, digits and _, not a digit first, got "
+            f"{where}: its name must consist of letters, digits and _, and not begin with a digit, "
+            "got "
             f"{component.name!r}"
         )
     try:
@@ -174,6 +174,6 @@ def _model(component: Component, declaration: ReceiverDeclaration, where: str) -
 
 
 def _plain(variable: Variable) -> Variable:
-    """A variable without functions, for the process that has asked."""
+    """A variable without functions, for the process that asked."""
     start = variable.starts if variable.shape else variable.starts[0]
     return replace(variable, start=start, starting=None)

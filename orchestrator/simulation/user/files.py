@@ -1,4 +1,4 @@
-"""Python files of the user, seen from this process, which never runs them: its children do."""
+"""Python files of the user, as seen from this process, which never runs them: children do."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from ..code.user_code import FILE, InFile, PythonSource, is_allowed, read_file
 from . import loading
 
 _known: dict[str, str] = {}
-"""By the keys of files, what children that have run them say they are known by."""
+"""Identities that children reported for files that they ran, by key of the file."""
 
 
 def component_of_file(text: str) -> PythonSource:
     """The component of ``file.py:Class``, or of ``file.py`` if that defines a single one.
 
-    It is known by the file and the local files that it imports.
+    It is identified by the file and the local files that it imports.
 
     Raises
     ------
@@ -48,14 +48,14 @@ def _source(maker: InFile, origin: str, sha256: str) -> PythonSource:
 
 
 def function_of_file(text: str, folder: Path, key: str, afterwards: str = "") -> tuple[InFile, str]:
-    """The function of ``file.py:function``, and what that is known by.
+    """The function of ``file.py:function``, and its identity.
 
     Parameters
     ----------
     folder
-        The file may be relative to it.
+        Folder that the file may be relative to.
     key
-        The key that has this text, for messages.
+        The key with this text, for messages.
     afterwards
         Module that its calls will need.
 
@@ -79,12 +79,12 @@ def found(
     where: str,
     afterwards: str = "",
 ) -> tuple[Any, str]:
-    """What a child finds in a file, and what that is known by.
+    """What a child finds in a file, and the identity of that.
 
     Parameters
     ----------
     look
-        Called there, with the file, its content and key, `name` and `where`.
+        Called there with the file, its content and key, `name` and `where`.
     """
     key = hashlib.sha256(f"{path} ".encode(errors="surrogatepass") + content).hexdigest()
 
@@ -96,7 +96,7 @@ def found(
 
     def asked() -> tuple[Any, str]:
         answer = ask()
-        if _known.setdefault(key, answer[1]) != answer[1]:  # of something that the file imports
+        if _known.setdefault(key, answer[1]) != answer[1]:  # an imported file has changed
             waiting.close(key)
             answer = ask()
             _known[key] = answer[1]
@@ -106,7 +106,7 @@ def found(
 
 
 def variables_of(where: str, maker: Any) -> tuple[Variable, ...]:
-    """The variables of a Python component; one from a file is asked in a child.
+    """The variables of a Python component; if it is from a file, a child asks it.
 
     Parameters
     ----------
@@ -157,18 +157,19 @@ def call(
     children: Children | None = None,
     afterwards: str = "",
 ) -> Any:
-    """Call a function of ours in a child, as it calls the user's code; return what it returns.
+    """Call one of our functions in a child, because it calls the user's code; returns its result.
 
     Parameters
     ----------
     key
-        Of the file.
+        Key of the file.
     named
-        For messages: what the function announces to `sblcosim.fmus.host.watch`, and what that is.
+        For messages: names that the function announces to `sblcosim.fmus.host.watch`, and their
+        meaning.
     cases
-        What each call is about, if there are many: ``Progress.row`` counts in them.
+        Subject of each call, if there are many: ``Progress.row`` is an index into them.
     afterwards
-        Module that later calls will need, which is imported when the answer is sent.
+        Module that later calls will need, imported after the answer is sent.
 
     Raises
     ------

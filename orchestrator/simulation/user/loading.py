@@ -1,7 +1,7 @@
-"""Files of the user, run and looked at: what a child process does for `files`.
+"""Files of the user, run and inspected: the child's side of `files`.
 
-Each function is called there, and its errors are what the user reads; `declared` is also for
-classes that the user gives in Python.
+Each function is called in a child, and the user reads its errors. `declared` also handles classes
+that the user gives in Python.
 """
 
 from __future__ import annotations
@@ -22,23 +22,23 @@ from ..code.user_code import CONSTRUCTOR, InFile, PythonSource, by_value, forese
 from ..receiver import Receiver
 
 IMPORT = "its import"
-"""What running a file is called where it fails."""
+"""Name for running a file in failure messages."""
 _METHODS = ("variables", "initialise", "do_step")
 
 
 def component(
     path: Path, content: bytes, key: str, name: str | None, where: str
 ) -> tuple[InFile, str]:
-    """The class of a file that makes a component, and what the file is known by.
+    """The class in a file that makes a component, and the identity of the file.
 
     Parameters
     ----------
     key
-        What tells the file from others.
+        Identifies the file.
     name
-        None: the only class that does.
+        Name of the class; None: the only suitable class.
     where
-        Start of messages.
+        Beginning of messages.
 
     Raises
     ------
@@ -69,7 +69,7 @@ def component(
 def function(
     path: Path, content: bytes, key: str, name: str, where: str
 ) -> tuple[InFile, str]:
-    """A function of a file, and what the file is known by.
+    """A function of a file, and the identity of the file.
 
     Raises
     ------
@@ -160,7 +160,7 @@ def _variables(where: str, name: str, component: Any) -> tuple[Variable, ...]:
 
 
 def packed(thing: InFile) -> InFile:
-    """The same by value, for processes that do not have the file.
+    """A class or function by value, for processes that do not have the file.
 
     Raises
     ------
@@ -173,7 +173,8 @@ def packed(thing: InFile) -> InFile:
         raise
     except BaseException as error:
         raise ConfigurationError(
-            f"{thing.path.name}:{thing.name} must be possible to send to other processes, got "
+            f"{thing.path.name}:{thing.name} must be something that other processes can receive, "
+            "got "
             f"{raised(error)}"
         ) from error
 

@@ -1,4 +1,5 @@
-"""Receivers in folders of the user, declared as ours are: known by content, built, and kept."""
+"""Receivers in folders of the user, declared like ours: identified by content, built, and
+cached."""
 
 from __future__ import annotations
 
@@ -18,19 +19,19 @@ from . import building
 from .files import found
 
 ENTRY, README = "receiver.py", "README.md"
-"""The file with the declaration, and what is said of the receiver."""
+"""The file with the declaration, and the documentation of the receiver."""
 
 
 @dataclass(frozen=True)
 class UserReceiver:
-    """What a folder declares, and the FMU that it becomes.
+    """What a folder declares, and the FMU built from it.
 
     Attributes
     ----------
     parameters
-        As they are declared, for `beacons`.
+        Parameters as declared, for `beacons`.
     purpose, unfit
-        As of `sblcosim.models.receiver.receiver.ReceiverDeclaration`.
+        See `sblcosim.models.receiver.receiver.ReceiverDeclaration`.
     """
 
     folder: Path
@@ -46,19 +47,19 @@ _BY_FMU: dict[Path, UserReceiver] = {}
 
 
 def of_folder(text: str, beacons: int = BEACONS, fmi: Fmi = 2) -> UserReceiver:
-    """The receiver of a folder; its FMU is built if there is none of the same content.
+    """The receiver of a folder; its FMU is built unless the cache has one with the same content.
 
-    It is known by ``receiver.py``, the local files that this imports, and ``README.md``.
+    It is identified by ``receiver.py``, the local files that this imports, and ``README.md``.
 
     Parameters
     ----------
     beacons, fmi
-        Of the run: it is made for them.
+        Number of beacons and FMI version of the run, for which it is made.
 
     Raises
     ------
     ConfigurationError
-        There is no such file, it cannot be run, or declares no receiver that can be built.
+        There is no such file, it cannot be run, or it declares no receiver that can be built.
     """
     where = f"receiver: {quoted(text)}"
     folder = Path(os.path.abspath(text))
@@ -86,5 +87,5 @@ def of_folder(text: str, beacons: int = BEACONS, fmi: Fmi = 2) -> UserReceiver:
 
 
 def of_fmu(source: object) -> UserReceiver | None:
-    """The receiver of a folder that an FMU was built of, in this process."""
+    """The receiver in a folder from which an FMU was built, in this process."""
     return _BY_FMU.get(source) if isinstance(source, Path) else None

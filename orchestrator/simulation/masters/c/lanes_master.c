@@ -15,9 +15,9 @@
 #define SECOND INT64_C(1000000000)
 #define MOST_SECONDS 9e9 /* largest time that fits into int64 nanoseconds */
 #define PIVOT 1e-14      /* smallest usable pivot, as a share of its diagonal element */
-#define COMPARED 16      /* instants that are compared with an epoch in all lanes at once */
+#define COMPARED 16      /* instants compared with an epoch in all lanes at once */
 
-/* Elements of one component's outputs that become another's inputs (or, before the start,
+/* Elements of one component's outputs that feed another's inputs (or, before the start,
  * parameters). Indices count all values of a component. */
 struct link {
     int32_t source, from, target, to, count;
@@ -73,10 +73,10 @@ _Static_assert(sizeof(struct moment) == MOMENT * sizeof(real), "as lanes.py allo
 /* The newest moments, as many as an epoch can lag; few, so that they stay in the cache. */
 struct memory {
     struct moment *moments;
-    int size, next, count, row; /* of the newest */
+    int size, next, count, row; /* row: of the newest */
 };
 
-/* For few elements; a call of memcpy would cost more than the copying. */
+/* For few elements; calling memcpy would take longer than the copying. */
 static inline void copy(real *to, const real *from, int32_t count)
 {
     for (int32_t i = 0; i < count; i++)
@@ -223,8 +223,9 @@ static inline void add(real *sum, mask condition, real value)
     *sum = *sum + r_keep(condition, value);
 }
 
-/* A receiver's error relative to the platform's true position, by its own account. Returns where its
- * square is finite. */
+/* A receiver's error relative to the platform's true position, as the receiver estimates it.
+ * Returns
+ * the lanes in which its square is finite. */
 static mask own_relative(const real *estimate, const real position[3], const real platform[3],
                          real error[3])
 {
@@ -254,8 +255,8 @@ static void add_own_relative(const struct receiver *r, const real *v, const real
 }
 
 /* Judge a receiver's outputs at an instant. squares: space for the LENGTHS squared errors of this
- * instant's estimates, or NULL; infinite where a lane has none. Returns whether there is any.
- * Inlined, so that the usual case has no code for them. */
+ * instant's estimates, or NULL; infinite in lanes without one. Returns whether there is any.
+ * Inlined, so that the usual case contains no code for them. */
 __attribute__((always_inline)) static inline int
 judge(const struct plan *p, const struct receiver *r, const real *v, const struct memory *m,
       real *counted, double settled, double late, real hold_ns, real *s,

@@ -69,7 +69,7 @@ struct copy {
     size_t size, row_size;
 };
 
-/* Of an input that is gathered: factor * value + offset. */
+/* For an input that is gathered: factor * value + offset. */
 struct conversion {
     double *value;
     double factor, offset;
@@ -146,7 +146,8 @@ static void set_floating(uint64_t state)
 static uint64_t usual_floating;
 static char usual_locale[1024];
 
-/* All of it: what an FMU does to dates, say, is to be told of the call that does it. */
+/* The whole locale: if an FMU changes the format of dates, say, the call that does it is reported.
+ * */
 static bool locale_is_usual(void)
 {
     const char *const name = setlocale(LC_ALL, NULL);
@@ -157,7 +158,7 @@ static bool locale_is_usual(void)
     return name && !strcmp(name, usual_locale);
 }
 
-/* Take the current state as the usual one, with numbers formatted as in C. */
+/* Take the current state as the normal one, with numbers formatted as in C. */
 EXPORT void native_remember(void)
 {
     setlocale(LC_NUMERIC, "C");
@@ -174,7 +175,7 @@ static void settle_locale(void)
     setlocale(LC_ALL, usual_locale);
 }
 
-/* Restore the usual state; return what had changed, as bits of enum habit. */
+/* Restore the normal state; return what had changed, as bits of enum habit. */
 static int settle(void)
 {
     int habits = 0;

@@ -1,10 +1,12 @@
 /* Order statistics of columns of squared lengths, side by side.
  *
- * Sorting takes longer, on some processors many times. Here each value gets a key of 15 bits that
- * grows with it, and the key of the wanted value is found bit by bit: a bit is set if no more
- * values than the rank have a key below. One comparison does that for all columns. Few values share
- * the wanted key, so the wanted one is soon selected among them. Equal lengths share a key, and so
- * do those below 2 fm or above 32 km: the results are the same, and take longer. */
+ * Sorting takes longer, on some processors many times longer. Here each value gets a key of 15 bits
+ * that grows with it, and the key of the wanted value is found bit by bit: a bit is set if the
+ * number
+ * of values with a key below does not exceed the rank. One comparison does this for all columns.
+ * Few
+ * values share the wanted key, so the value is quickly selected among them. Equal lengths share a
+ * key, and so do those below 2 fm or above 32 km: results are the same but take longer. */
 #ifndef SBLCOSIM_ORDER_STATISTICS_H
 #define SBLCOSIM_ORDER_STATISTICS_H
 
@@ -13,7 +15,7 @@
 
 #include "real.h"
 
-/* Columns whose keys are compared at once: 32 bytes of keys where the processor can do that. */
+/* Columns whose keys are compared at once: 32 bytes of keys if the processor supports it. */
 #define COLUMNS (LANES < 4 ? 4 * LANES : 16)
 #define TOGETHER 4 /* percentages at a time */
 #define KEY_BITS 15
@@ -67,7 +69,7 @@ static void count_below(const keys *rows, int64_t n, const keys limits[TOGETHER]
     }
 }
 
-/* The value at index rank, were they sorted (Hoare's FIND). Changes their order. */
+/* The value that would have index rank after sorting (Hoare's FIND). Changes the order. */
 static double select_value(double *values, int64_t n, int64_t rank)
 {
     int64_t low = 0, high = n - 1;
