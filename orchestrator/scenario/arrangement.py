@@ -1,4 +1,4 @@
-"""What must hold of the beacons: as many everywhere, no two at one point, and not in a line."""
+"""Requirements on beacons: consistent number, distinct positions, not in a line."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from typing import Any
 from sblcosim.models.receiver.receiver import Beacons
 
 _FLAT = 0.05
-"""Smaller spread of the beacons, as a part of the larger, that is taken for none."""
+"""Ratio of the smaller to the larger spread of the beacons below which they count as in line."""
 _SAME = 1e-6
-"""Beacons nearer to each other than this [m] are at one point."""
+"""Beacons closer than this [m] count as at the same position."""
 _MOTION, _SENSORS = r".*_amplitude.*", r"(gps|imu)_.*_(m|deg|deg_s|deg_K)"
-"""Keys of what moves the platform, and of the errors of its GPS and IMU."""
+"""Keys of the platform's motion, and of the errors of its GPS and IMU."""
 _ARRAYS = (("platform", "mounting_error_m"), ("acoustics", "slot_order"),
            ("receiver", "beacon_offset_m"))
 
 
 def problems(platform: Any, acoustics: Any, receiver: Any, beacons: int) -> Iterator[str]:
-    """What contradicts itself in the tables of a scenario; one line each."""
+    """Contradictions in the tables of a scenario; one line each."""
     given = platform.beacon_m if "beacon_m" in platform.model_fields_set else None
     if given is not None and len(given) != 3 * beacons:
         yield (
@@ -54,18 +54,18 @@ def _same_points(flat: tuple[float, ...]) -> Iterator[str]:
         for i, here in enumerate(rows[:j]):
             if sqrt(sum((a - b) ** 2 for a, b in zip(here, there, strict=True))) < _SAME:
                 yield (
-                    f"[platform] beacon_m: must have each beacon at a point of its own, got "
+                    f"[platform] beacon_m: must have each beacon at a different position, got "
                     f"beacons {i + 1} and {j + 1} at {list(here)}"
                 )
 
 
 def degenerate(offsets: tuple[float, ...]) -> str | None:
-    """What beacons cannot tell, in words, if seen from above they are nearly on a line.
+    """Ambiguity of a fix, in words, if the beacons are nearly on a line seen from above.
 
     Parameters
     ----------
     offsets
-        Body frame, row by row [m].
+        Positions in the body frame, row by row [m].
     """
     x, y = offsets[0::3], offsets[1::3]
     n = len(x)
@@ -77,8 +77,8 @@ def degenerate(offsets: tuple[float, ...]) -> str | None:
     longer, shorter = sqrt(mean + half), sqrt(max(mean - half, 0.0))
     if longer < _SAME:
         return (
-            "all beacons are on one vertical line: ranges tell how far the diver is and how deep, "
-            "but not in which direction"
+            "all beacons are on one vertical line: ranges give the diver's distance and depth, "
+            "but not the direction"
         )
     if shorter > _FLAT * longer:
         return None
@@ -87,14 +87,14 @@ def degenerate(offsets: tuple[float, ...]) -> str | None:
     return (
         f"seen from above the beacons are {where}on one line, {angle:.0f}° from forward: a "
         "position and its mirror image across that line have the same ranges, so a receiver may "
-        "find either, and across the line it is known badly where the diver is near it"
+        "find either; near the line, the position across it is poorly known"
     )
 
 
 def has_own_errors(platform: Any) -> bool:
-    """Whether the beacons' errors are their own, and there is no other: buoys, or a survey.
+    """Whether the beacons have only errors of their own: buoys, or a survey.
 
-    Else they are those of a platform, which all beacons share.
+    Otherwise all beacons share those of a platform.
     """
     if platform.fmu is not None:
         return False
@@ -110,7 +110,7 @@ def shares_errors(platform: Any) -> bool:
 
 
 def errors_of(platform: Any) -> Beacons | None:
-    """What errors the beacons' places have; None if they have none, or it is not known."""
+    """Kind of errors of the beacons' positions; None if there are none, or if it is unknown."""
     if has_own_errors(platform):
         return "survey" if platform.gps_shared else "buoys"
     return "platform" if shares_errors(platform) else None
@@ -118,11 +118,11 @@ def errors_of(platform: Any) -> Beacons | None:
 
 @cache
 def _matching(kind: Any, pattern: str) -> tuple[str, ...]:
-    """The keys of a table's class that are of this pattern."""
+    """The keys of a table's class that match this pattern."""
     return tuple(key for key in kind.model_fields if re.fullmatch(pattern, key))
 
 
 def _any(platform: Any, pattern: str) -> bool:
-    """Whether a key of this pattern is not zero."""
+    """Whether any key that matches this pattern is nonzero."""
     values = (getattr(platform, key) for key in _matching(platform.__class__, pattern))
     return any(any(v) if isinstance(v, tuple) else bool(v) for v in values)

@@ -1,4 +1,4 @@
-"""Arrays in a scenario file: row by row, some with as many rows as there are beacons or points."""
+"""Arrays in a scenario file: row by row, some with one row per beacon or point."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from sblcosim.models.declaration import Dimension, Variable
 
 
 def most(bound: float | None) -> float | None:
-    """The largest value of what may be a constant of the build."""
+    """The largest value of a size that may be a constant of the build."""
     return bound.most if isinstance(bound, Dimension) else bound
 
 
 def counts_of(variable: Variable, partial_rows: bool) -> tuple[int, int]:
-    """Least and largest number of rows of an array."""
+    """Smallest and largest number of rows of an array."""
     if variable.rows is not None:
         return 0 if partial_rows else variable.rows.least, variable.rows.most
     return 0 if partial_rows else variable.shape[0], variable.shape[0]
@@ -44,7 +44,7 @@ def flat(shape: tuple[int, ...], counts: tuple[int, int], value: Any) -> Any:
 def json_schema(
     variable: Variable, counts: tuple[int, int], low: float | None, high: float | None
 ) -> dict[str, Any]:
-    """JSON schema of what `flat` takes: elements one after another, or by rows."""
+    """JSON schema of the input of `flat`: elements in sequence, or by rows."""
     bounds = {"minimum": low, "maximum": high}
     kind = "integer" if variable.type == "Int32" else "number"
     element = {"type": kind} | {k: v for k, v in bounds.items() if v is not None}

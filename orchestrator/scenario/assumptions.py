@@ -1,4 +1,4 @@
-"""What a receiver may assume of a scenario's system, where some of it is somebody else's."""
+"""What a receiver may assume about a scenario's system, parts of which may be of other origin."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from sblcosim.models.settings.assumptions import SOURCES
 def assumed(
     target: Any, platform: Any, acoustics: Any, source: str | None = None, *, everything: bool
 ) -> dict[str, Any]:
-    """As `sblcosim.models.settings.assumptions.assumed`, without what nobody can know.
+    """As `sblcosim.models.settings.assumptions.assumed`, without what cannot be known.
 
-    Of a component of somebody else only what is given is known: nothing follows from the starts
-    of ours.
+    For components of other origin, only given keys are known: the start values of ours imply
+    nothing.
 
     Parameters
     ----------
     everything
-        Otherwise of the clock only, which the noise of ranges depends on.
+        Whether to return everything, or only the clock, which the range noise depends on.
     """
     if everything:
         values = assumptions.assumed(target, platform, acoustics, source)
@@ -39,11 +39,11 @@ _DECISIVE = {
     ])
     for key, sources in SOURCES.items()
 }  # fmt: skip
-"""The first table of `SOURCES`, and the keys in it."""
+"""The first table of `SOURCES` for each key, and the keys in that table."""
 
 
 def _unknown(foreign: Mapping[str, Any], key: str) -> bool:
-    """Whether a key follows from a component of somebody else of which the scenario says nothing.
-    """
+    """Whether a key depends on a component of other origin about which the scenario says
+    nothing."""
     name, keys = _DECISIVE[key]
     return name in foreign and foreign[name].model_fields_set.isdisjoint(keys)

@@ -1,4 +1,4 @@
-"""The components of a scenario: which FMU or class each is, and the values of its parameters."""
+"""The components of a scenario: the FMU or class of each, and the values of its parameters."""
 
 from __future__ import annotations
 
@@ -48,9 +48,9 @@ def ours_of(
     name: str, scenario: Scenario, where: str, fmi: int,
     assumptions: Mapping[str, Any] = _NOTHING,
 ) -> Part:
-    """A component of ours, with the parameters of a table of the scenario."""
+    """One of our components, with the parameters of a table of the scenario."""
     table = getattr(scenario, where)
-    assumed = marshal.dumps([*assumptions.items()], 2)  # of version 2: without references
+    assumed = marshal.dumps([*assumptions.items()], 2)  # version 2: without references
     key = (name, id(table), fmi, assumed)
     return alike("parts", key, lambda: _made(name, scenario, where, fmi, assumptions), table)
 
@@ -70,13 +70,13 @@ def _made(
     )
     fmu = build(name, cast(Fmi, fmi), False, None, **constants)  # refuses other versions
     content = _content(table, assumptions)
-    # Points of a study differ from the first in a few parameters.
+    # Points of a study differ from the first in only a few parameters.
     first = alike("first", (id(rows), fmu), lambda: _First(fmu, rows, content), rows)
     return Part(first.varied(content, nanoseconds(table.interval_s)), names)
 
 
 class _First:
-    """The first component of an FMU."""
+    """The first component made for an FMU."""
 
     def __init__(self, fmu: Path, rows: _Rows, content: Mapping[str, Any]) -> None:
         self._rows, self._content = rows, content
@@ -96,7 +96,7 @@ class _First:
 
 
 def _same(one: Any, other: Any) -> bool:
-    """Whether arrays have the same elements; others may differ."""
+    """Whether arrays have the same elements; other values may differ."""
     arrays = type(one) is type(other) is tuple and len(one) == len(other)
     return arrays and all(map(operator.is_, one, other))
 
@@ -109,7 +109,7 @@ _Rows = Mapping[str, tuple[str, Callable[[Any], Any] | None]]
 def described(
     name: str, constants: tuple[tuple[str, int], ...], left_out: tuple[str, ...] = ()
 ) -> tuple[frozenset[str], _Rows]:
-    """Names of all variables of a component of ours, and its parameters but some."""
+    """Names of all variables of one of our components, and its parameters except some."""
     component = declared(name, **dict(constants))
     parameters = (v for v in component.of("parameter") if v.name not in left_out)
     return frozenset(v.name for v in component), _rows(parameters)
@@ -135,7 +135,7 @@ def receiver_of(scenario: Scenario, label: str, source: Source, fmi: int) -> Par
 
 
 def foreign(table_name: str, scenario: Scenario, source: Source, own: bool) -> Part:
-    """A third-party component: it gets those keys of the table that are its parameters.
+    """A third-party component: it receives those keys of the table that are its parameters.
 
     If the scenario itself names the file (``own``), every given key must be a parameter.
     """
@@ -160,7 +160,7 @@ def foreign(table_name: str, scenario: Scenario, source: Source, own: bool) -> P
     assumed = scenario.assumptions(has) if table_name == "receiver" else {}
     content = _content(table, assumed)
     values = {"seed": scenario.seed, **_values(_rows(table.variables.values()), content)}
-    if built is not None:  # told as ours are
+    if built is not None:  # reported as for our receivers
         wanted |= {table.variables[key].name for key in assumed}
     parameters = {k: v for k, v in values.items() if k in has and k in wanted}
     further = table.parameters or {}
@@ -179,13 +179,13 @@ def foreign(table_name: str, scenario: Scenario, source: Source, own: bool) -> P
 
 
 def _check_beacons(scenario: Scenario, source: Source, ports: Mapping[str, Port]) -> None:
-    """Refuse a component that was made for another number of beacons."""
+    """Refuse a component made for a different number of beacons."""
     for variable in (*BEACON_POSITIONS, *RECEPTION, *PING_POSE):
         port = ports.get(variable.name)
         if variable.rows and port and port.shape and port.shape[0] != scenario.beacons:
             raise ConfigurationError(
                 f"{named(source)}: must be made for the {scenario.beacons} beacons of the "
-                f"scenario, got {port.name} of {port.shape[0]}; platform.beacons says how many"
+                f"scenario, got {port.name} of {port.shape[0]}; platform.beacons sets the number"
             )
 
 
@@ -221,12 +221,12 @@ def _check_contract(label: str, source: Source) -> None:
 
 
 def _content(table: Table, assumptions: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The keys of a table with their values: given, assumed or filled in."""
+    """The keys of a table with their values: given, assumed or default."""
     return {**vars(table), **assumptions, **given_of(table)} if assumptions else vars(table)
 
 
 def _values(rows: _Rows, content: Mapping[str, Any]) -> dict[str, Value]:
-    """Values of some parameters: FMI names and SI values; of those that have one."""
+    """FMI names and SI values of those parameters that have a value."""
     return {
         name: content[key] if convert is None else convert(content[key])
         for key, (name, convert) in rows.items() if content[key] is not None

@@ -1,4 +1,4 @@
-"""What is valid in a scenario, and perhaps not what is meant."""
+"""Valid input of a scenario that may be a mistake."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from .scenario import Scenario, Source
 from .tracks import ABOVE
 
 PURPOSES: Mapping[str, str] = {name: it.purpose for name, it in FOUND.items() if it.purpose}
-"""What each of our receivers is for."""
+"""Purpose of each of our receivers."""
 
 
 SOUND = (1350.0, 1650.0)
-"""Speeds of sound in any water that is dived in, and some more [m/s]."""
+"""Range of sound speeds in any diving water, with a margin [m/s]."""
 
 
 def doubts(scenario: Scenario, chosen: Mapping[str, Source]) -> Iterator[str]:
-    """What may be a mistake; one line each, which names the key or the receiver.
+    """Possible mistakes; one line each, which names the key or the receiver.
 
     Parameters
     ----------
@@ -36,14 +36,14 @@ def doubts(scenario: Scenario, chosen: Mapping[str, Source]) -> Iterator[str]:
 
 
 def _of_waypoints(scenario: Scenario) -> Iterator[str]:
-    """Rows above the water."""
+    """Waypoints above the water."""
     target = scenario.target
     if target.fmu is not None or target.trajectory != "waypoints":
         return
     depths = target.waypoint_m[2 : 3 * target.waypoint_count : 3]
     dry = [row for row, depth in enumerate(depths, 1) if depth < -ABOVE]
     if dry:
-        rows = "" if len(dry) == 1 else f", as {len(dry) - 1} more of {len(depths)} rows"
+        rows = "" if len(dry) == 1 else f", and so on for {len(dry) - 1} more of {len(depths)} rows"
         yield (
             f"{scenario.where('target', 'waypoint_m')}[{dry[0]},3]: should be under water (down is "
             f"positive), got a depth of {depths[dry[0] - 1]:g} m{rows}"
@@ -51,7 +51,7 @@ def _of_waypoints(scenario: Scenario) -> Iterator[str]:
 
 
 def _of_sound(scenario: Scenario) -> Iterator[str]:
-    """Speeds that sound has in no water."""
+    """Speeds of sound that no water has."""
     low, high = SOUND
     for key in ("sound_speed_m_s", "assumed_sound_speed_m_s"):
         speed = getattr(scenario.acoustics, key)
@@ -63,7 +63,7 @@ def _of_sound(scenario: Scenario) -> Iterator[str]:
 
 
 def _of_arrangement(scenario: Scenario) -> Iterator[str]:
-    """What the beacons cannot tell."""
+    """Ambiguities due to the beacons' arrangement."""
     platform = scenario.platform
     if platform.fmu:
         return
@@ -76,7 +76,7 @@ def _of_arrangement(scenario: Scenario) -> Iterator[str]:
 
 
 def _of_receivers(scenario: Scenario, chosen: Mapping[str, Source]) -> Iterator[str]:
-    """Receivers for beacons with other errors than those of the scenario."""
+    """Receivers for beacons with errors of another kind than the scenario's."""
     platform = scenario.platform
     beacons = alike("errors", id(platform), lambda: arrangement.errors_of(platform), platform)
     for label, source in chosen.items():

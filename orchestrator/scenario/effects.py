@@ -1,7 +1,7 @@
-"""Find keys of a scenario that have no effect, and say why.
+"""Find keys of a scenario without effect, and explain why.
 
 A parameter of our own components has an effect if the conditions in its declaration hold
-(`Variable.needs`). A key that only sets other keys has one if at least one of them is not given.
+(`Variable.needs`). A key that only sets other keys has an effect unless all of these are given.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ _OF_PRESETS = {"platform": "the platform is", "acoustics": "the acoustics are"}
 
 
 _SELECTED_BY = {("platform", "beacon_m"): "arrangement"}
-"""Keys that choose themselves, and the key that says so where it is given."""
+"""Keys that select themselves, and the key that states this if it is given."""
 
 
 def is_choice(key: Key) -> bool:
-    """Whether a key that is given changes what others do not say."""
+    """Whether a given key changes something that no other key sets."""
     return key in _SELECTED_BY
 
 
@@ -54,14 +54,14 @@ def components_of(scenario: _Tables) -> Ours:
 
 
 def idle(scenario: _Tables, ours: Ours, keys: Iterable[Key]) -> dict[Key, str]:
-    """The keys, among some, that have no effect in a scenario, each with the reason."""
+    """Those of the keys that have no effect in a scenario, each with the reason."""
     names = {table: tuple(own) for table, own in ours.items()}
     reasons = {key: _why(scenario, names, key) for key in keys}
     return {key: why for key, why in reasons.items() if why is not None}
 
 
 def in_vain(scenario: _Tables, ours: Ours, keys: Collection[Key]) -> dict[Key, str]:
-    """As `idle`, plus keys that only set other keys, all of which are given."""
+    """As `idle`, plus keys that only set other keys if all of these are given."""
     reasons = {key: _all_given(scenario, _governed(scenario, key), key) for key in keys}
     redundant = {key: why for key, why in reasons.items() if why is not None}
     return redundant | idle(scenario, ours, keys)
@@ -99,7 +99,7 @@ def _why(scenario: _Tables, ours: Mapping[str, tuple[str, ...]], key: Key) -> st
         set_ = [_why(scenario, ours, (key[0], governed)) for governed in sorted(PRESETS[name])]
         return set_[0] if None not in set_ else None
     if key in _SELECTED_BY and not {name, _SELECTED_BY[key]} & table.model_fields_set:
-        return None  # to give it is to choose it
+        return None  # giving it selects it
     if name in FILE_KEYS:
         if table.trajectory != FILE and ours[key[0]]:
             return f"trajectory is {toml(table.trajectory)}"
@@ -114,14 +114,14 @@ def _why(scenario: _Tables, ours: Mapping[str, tuple[str, ...]], key: Key) -> st
 
 
 _Met = tuple[Condition, Variable]
-"""A condition, and the variable that it is on."""
+"""A condition, and the variable that it refers to."""
 
 
 @lru_cache(4096)
 def _takers(
     table: str, names: tuple[str, ...], key: str
 ) -> tuple[tuple[tuple[_Met, ...], ...], ...]:
-    """Of each component that has this key: of each of these groups one condition must hold."""
+    """Groups of conditions for each component with this key: one condition of each must hold."""
     return tuple(
         tuple(tuple((c, COMPONENTS[name][c.parameter]) for c in group) for group in variable.needs)
         for name in (names if table in (*CORE_COMPONENTS, "receiver") else ())
@@ -175,7 +175,7 @@ _GOVERNED: Mapping[Key, Sequence[Key]] = {
 
 
 def _governed(scenario: _Tables, key: Key) -> Sequence[Key]:
-    """Keys that are all that a key sets; none: it sets more, or is not given."""
+    """Keys that are all that a key sets; empty if it sets more, or is not given."""
     table, name = key[0], key[-1]
     if len(key) == 2 and PRESET_TABLES.get(name) == table:
         value = getattr(getattr(scenario, table), name)

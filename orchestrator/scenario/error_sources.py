@@ -1,23 +1,23 @@
-"""Sources of error, each declared once: for the budget, the bound and what is said of both.
+"""Sources of error, each declared once: for the budget, the bound and all texts about them.
 
-A test changes every parameter of our components: what makes them random or wrong must be a key of a
-source. A key is in the bound's model, or it is `unmodelled`. Errors of the ranges that stand in
-``models/acoustics/range_errors`` are sources without being named here.
+A test varies every parameter of our components: whatever makes them random or wrong must be a key
+of a source. A key is either in the bound's model or listed as `unmodelled`. Range errors in
+``models/acoustics/range_errors`` become sources without being named here.
 
-Levels of what is better:
+Levels of better equipment:
 
 GPS, tilt
     The grades ``rtk_fixed`` of `sblcosim.models.platform.gps` and ``tactical`` of
     `sblcosim.models.platform.imu`, with their sources.
 heading
-    0.5°, of a compass with two GNSS antennas: 0.1° to 1.0°, by their distance (u-blox, *GNSS
-    Heading*, u-blox.com/en/technologies/gnss-heading).
+    0.5°, for a compass with two GNSS antennas: 0.1° to 1.0°, depending on their distance (u-blox,
+    *GNSS Heading*, u-blox.com/en/technologies/gnss-heading).
 clock
-    0.05 m of sound travel, 33 µs: set by the pulse of a GPS receiver just before the dive. What
-    it drifts from then on remains. The figure is an assumption.
+    0.05 m of sound travel, 33 µs: set by the pulse of a GPS receiver just before the dive. The
+    drift from then on remains. The figure is an assumption.
 sound speed
-    0.2 %, 3 m/s: a thermometer that is right to 1 K at 20 °C (2.7 m/s per kelvin: K. V. Mackenzie,
-    J. Acoust. Soc. Am. 70, 1981, 807-812).
+    0.2 %, 3 m/s: a thermometer accurate to 1 K at 20 °C (2.7 m/s per kelvin: K. V. Mackenzie, J.
+    Acoust. Soc. Am. 70, 1981, 807-812).
 range noise
     0.02 m, twice the Cramér-Rao bound c/(2π β √(2E/N₀)) of a time of arrival (S. M. Kay,
     *Fundamentals of Statistical Signal Processing* I, 1993, section 3.11) for β = 5 kHz and 13 dB.
@@ -36,30 +36,30 @@ from sblcosim.models.acoustics.range_errors import FOUND
 from sblcosim.models.settings.presets import preset
 
 FLOOR = 0.01
-"""Standard deviation [m] of ranges and depth readings that are switched off. A diver moves so far
-while the sound travels: told of less, a receiver believes its model too much."""
+"""Standard deviation [m] of ranges and depth readings when switched off. A diver moves about as far
+while the sound travels. With a smaller value, a receiver trusts its model too much."""
 SURVEY = "platform.mounting_std_m"
-"""The bound of beacons with errors of their own knows it, that of a platform does not."""
+"""Included in the bound for beacons with their own errors, but not in that for a platform."""
 
 
 @dataclass(frozen=True)
 class Part:
-    """Keys of one unit that are switched together.
+    """Keys with the same unit that are switched together.
 
     Attributes
     ----------
     keys
-        With their tables.
+        Keys with their tables.
     better
-        Root sum of squares of the values of better equipment; None: it has the same.
+        Root sum of squares of the values of better equipment; None: no change.
     off
-        The same of equipment without this error.
+        The same for equipment without this error.
     about
-        Key of the value that is no error; empty: 0.
+        Key of the value that counts as no error; empty: 0.
     relative
         Whether `better` is a share of that value.
     unmodelled
-        Those of its keys of which the bound knows nothing.
+        Those of its keys that the bound does not include.
     """
 
     keys: Sequence[str]
@@ -81,9 +81,9 @@ class Source:
     Attributes
     ----------
     name, words
-        For tables, and for sentences.
+        Its name in tables, and in sentences.
     better
-        What is better, in a few words; empty: nothing that can be bought.
+        Better equipment, in a few words; empty: none can be bought.
     """
 
     name: str
@@ -97,7 +97,7 @@ def _keys(table: str, start: str, ends: Iterable[str]) -> tuple[str, ...]:
 
 
 def _grade(name: str, value: str, keys: Iterable[str]) -> float:
-    """Root sum of squares of some keys that a grade sets."""
+    """Root sum of squares of the keys that a grade sets."""
     values = preset(name, value)
     return hypot(*(values.get(key.partition(".")[2], 0.0) for key in keys))
 
@@ -112,7 +112,7 @@ def _gps() -> Iterator[Part]:
 def _imu(axis: str, better: float) -> Iterator[Part]:
     start = f"imu_{axis}_"
     steady = ("std_deg", "bias_deg", "turn_on_std_deg", "markov_std_deg", "step_deg")
-    # The heading's step is a part of its lasting error, which the bound knows; that of tilt is not.
+    # The heading's step is part of its lasting error, which the bound includes; tilt's is not.
     unmodelled = _keys("platform", start, ("step_deg",) if axis == "tilt" else ())
     yield Part(_keys("platform", start, steady), better, unmodelled=unmodelled)
     for end in ("drift_deg_s", "temperature_coefficient_deg_K", "scale_factor_error"):
@@ -120,12 +120,12 @@ def _imu(axis: str, better: float) -> Iterator[Part]:
 
 
 def _left_out(*keys: str) -> Part:
-    """A part of which the bound knows nothing."""
+    """A part that the bound does not include."""
     return Part(keys, unmodelled=keys)
 
 
 def _of_ranges() -> Iterator[Source]:
-    """Errors of the ranges that are named by their modules only."""
+    """Range errors that only their modules declare."""
     for name, it in FOUND.items():
         if name not in ("noise", "outliers"):
             keys = _keys("acoustics", "", it.keys)
@@ -204,7 +204,7 @@ SOURCES: Mapping[str, Source] = {
         *_of_ranges(),
     )
 }
-"""By name."""
+"""Sources by name."""
 
 _UNMODELLED = {key for s in SOURCES.values() for part in s.parts for key in part.unmodelled}
 UNMODELLED: Sequence[str] = tuple(
@@ -213,4 +213,4 @@ UNMODELLED: Sequence[str] = tuple(
     for key in (f"{table}.{v.key}" for v in COMPONENTS[table].of("parameter"))
     if key in _UNMODELLED
 )
-"""Keys of errors of which the bound knows nothing, in the order of their declarations."""
+"""Keys of errors that the bound does not include, in the order of their declarations."""

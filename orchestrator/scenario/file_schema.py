@@ -1,7 +1,7 @@
-"""The JSON schema of a scenario file, for editors: completion, explanations, wrong keys in red.
+"""The JSON schema of a scenario file, for editors: completion, explanations, errors in red.
 
-It follows from the declarations, as the reader of the files does. What keys mean together, such as
-that one divides another, it does not say; `sblcosim run` does.
+It is derived from the declarations, like the reader of the files. It does not cover relations
+between keys, such as one dividing another; `sblcosim run` does.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from .scenario import Scenario, load
 from .schema import CORE_COMPONENTS, Table, rows
 
 DRAFT = "http://json-schema.org/draft-07/schema#"
-"""Of the schema; editors of TOML know no newer one."""
+"""Version of the schema; TOML editors support no newer one."""
 FILE_NAME = "sblcosim-scenario.schema.json"
-"""Name of the file beside a scenario, so that editors need no network and no path of a machine."""
+"""Name of the file next to a scenario, so that editors need neither network nor machine paths."""
 DIRECTIVE = f"#:schema ./{FILE_NAME}"
-"""First line of a scenario whose schema lies beside it."""
+"""First line of a scenario with its schema in the same folder."""
 TITLES = {
     "time": "When things happen",
     "place": "Where on Earth it is",
@@ -30,9 +30,9 @@ TITLES = {
     "acoustics": "The acoustic channel",
     "receiver": "The receiver that computes the position",
 }
-"""The tables of a scenario, and what they are about."""
+"""The tables of a scenario, and their subjects."""
 _FROM_ELSEWHERE = ("sampling_time_s", "update_interval_s", "seed")
-"""Keys of components that follow from other keys if they are not given."""
+"""Keys of components that are derived from other keys if not given."""
 
 
 def scenario_schema() -> dict[str, Any]:
@@ -47,7 +47,7 @@ def scenario_schema() -> dict[str, Any]:
 
 
 def inlined(model: type[Table]) -> dict[str, Any]:
-    """Schema of a table with all tables in it; no key may be null, as in TOML."""
+    """Schema of a table with its inner tables; no key may be null, as in TOML."""
     content = model.model_json_schema(schema_generator=Plainly)
     definitions = content.pop("$defs", {})
     schema: dict[str, Any] = _plain(content, definitions)
@@ -75,7 +75,7 @@ def _plain(node: Any, definitions: dict[str, Any]) -> Any:
 
 
 def _add_defaults(name: str, keys: dict[str, Any]) -> None:
-    """Say what holds without a key, but for those that follow from others."""
+    """State the default of each key, except for those derived from others."""
     derived = {*_FROM_ELSEWHERE}
     components = [COMPONENTS[name]] if name in COMPONENTS else []
     if name == "receiver":

@@ -1,4 +1,4 @@
-"""Which file a message is about: checks after loading know a scenario's name only."""
+"""The file that a message is about: checks after loading know only a scenario's name."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ _P = ParamSpec("_P")
 _R = TypeVar("_R")
 
 _PARTS = re.compile(r"(\[\w+\]|(target|platform|acoustics|range_model)\b)")
-"""What the lines begin with that are about tables or components of a scenario."""
+"""Beginnings of lines about tables or components of a scenario."""
 
 _files: ContextVar[dict[str, str] | None] = ContextVar("_files", default=None)
 
 
 def note(name: str, file: str) -> None:
-    """Remember from which file a scenario, study or question of a name was read."""
+    """Remember the file of a scenario, study or question with this name."""
     files = _files.get()
     if files is not None:
         files[name] = file
@@ -29,10 +29,11 @@ def note(name: str, file: str) -> None:
 
 @contextmanager
 def naming() -> Iterator[None]:
-    """Errors of this block name the file that was read in it and that they are about.
+    """Errors in this block name the file read in it that they are about.
 
-    A line that begins with a name, as a scenario's, begins with its file instead; with a table or a
-    component, with the file in front if only one was read. Others are about arguments.
+    A line that begins with the name of a scenario gets its file instead. A line that begins with a
+    table or component gets the file in front, provided only one was read. Other lines are about
+    arguments.
     """
     if _files.get() is not None:
         yield
@@ -53,7 +54,7 @@ def _named(line: str, files: dict[str, str]) -> str:
         return line
     for name, file in files.items():
         bare = line
-        while bare.startswith(f"{name}: "):  # of a scenario in tables, and of their own
+        while bare.startswith(f"{name}: "):  # from a scenario in tables, and from their own
             bare = bare[len(name) + 2 :]
         if bare != line:
             return f"{file}: {bare}"
@@ -63,7 +64,7 @@ def _named(line: str, files: dict[str, str]) -> str:
 
 
 def naming_files(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """A function of the API whose errors are those of `naming`."""
+    """A function of the API whose errors are treated as in `naming`."""
 
     @functools.wraps(function)
     def named(*arguments: _P.args, **options: _P.kwargs) -> _R:
@@ -75,7 +76,7 @@ def naming_files(function: Callable[_P, _R]) -> Callable[_P, _R]:
 
 @contextmanager
 def about(file: str) -> Iterator[None]:
-    """All errors of this block are about a file."""
+    """All errors in this block are about a file."""
     try:
         yield
     except SblcosimError as error:

@@ -1,6 +1,6 @@
-"""What fills the keys of a scenario that are not given: its tables, complete.
+"""Fills in the missing keys of a scenario: its complete tables.
 
-Tables are not changed. So the points of a study share those that nothing changes.
+Tables are not modified, so the points of a study share unchanged ones.
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ from . import packets
 from .schema import SHARED_PARAMETERS, TRUE, Platform, Receiver, filled, given_of
 
 DEFAULT_RECEIVER = "coupled"
-"""Receiver of a scenario that names none."""
+"""Default receiver of a scenario."""
 
 
 def beacons_of(platform: Platform) -> int:
-    """The number of beacons, from what is given of a platform."""
+    """The number of beacons, from the given keys of a platform."""
     given = platform.beacons if "beacons" in platform.model_fields_set else None
     return int(arranged(platform.beacon_m)["beacons"] if given is None else given)
 
 
 def component(name: str, table: Any, beacons: int, common: Mapping[str, Any]) -> Any:
-    """The table of a component of every system, complete.
+    """The complete table of a component that every system has.
 
     Parameters
     ----------
     table
-        What is given of it.
+        Its given keys.
     common
-        Values that follow from other tables.
+        Values derived from other tables.
     """
 
     def made() -> Any:
@@ -58,7 +58,7 @@ def component(name: str, table: Any, beacons: int, common: Mapping[str, Any]) ->
 
 
 def _ours(table: Receiver) -> str | None:
-    """The receiver of ours that a scenario names, or the usual one; None: it has another."""
+    """Our receiver that a scenario names, or the default; None: it has another one."""
     if table.type is None and table.fmu is None:
         return DEFAULT_RECEIVER
     name: str | None = table.type
@@ -78,14 +78,14 @@ def _names(receiver: str) -> frozenset[str]:
 def receiver(
     table: Receiver, beacons: int, assumed: Mapping[str, Any], update_interval_s: float
 ) -> Receiver:
-    """The table of the receiver, complete.
+    """The complete table of the receiver.
 
     Parameters
     ----------
     table
-        What is given of it.
+        Its given keys.
     assumed
-        What it may assume of the system.
+        What it may assume about the system.
     """
     name = _ours(table)
     derived = {**assumed, "update_interval_s": update_interval_s}
@@ -102,6 +102,6 @@ def receiver(
         interval = {**values, **given_of(table)}["update_interval_s"]
         return filled(table, {"type": name, **values, "interval_s": interval})
 
-    # Of version 2: without references, so that equal values have equal bytes.
+    # Version 2: without references, so that equal values have equal bytes.
     key = ("receiver", id(table), beacons, marshal.dumps([*derived.items()], 2))
     return alike("complete", key, made, table)

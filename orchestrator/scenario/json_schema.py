@@ -8,7 +8,7 @@ from pydantic.json_schema import GenerateJsonSchema
 
 
 class Plainly(GenerateJsonSchema):
-    """Without a title for each key, which would only be its name again."""
+    """Without a title for each key, which would only repeat its name."""
 
     def field_title_should_be_set(self, schema: Any) -> bool:
         return False

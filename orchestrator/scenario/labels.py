@@ -1,4 +1,4 @@
-"""Labels with a meaning; apart from all that takes long to import, for figures need them."""
+"""Labels with a meaning; separate from slow imports, because figures need them."""
 
 RAW = "raw"
-"""Label of the raw fix that runs beside the receivers for comparison."""
+"""Label of the raw fix, which every run includes for comparison."""

@@ -1,4 +1,4 @@
-"""Names of what is included; quick to import, because the shell waits for it."""
+"""Names of included files; quick to import, because the shell waits for it."""
 
 from __future__ import annotations
 
@@ -8,6 +8,6 @@ from importlib import resources
 
 @cache
 def shipped(package: str) -> tuple[str, ...]:
-    """Names of the TOML files that come with a package, ``sblcosim.scenario`` or ``.study``."""
+    """Names of the TOML files in a package, ``sblcosim.scenario`` or ``.study``."""
     files = (resources.files(package) / "shipped").iterdir()
     return tuple(sorted(file.name.removesuffix(".toml") for file in files))

@@ -25,20 +25,20 @@ _Batch = Sequence[tuple[tuple[str, ...], Any]]
 
 
 def override(raw: dict[str, Any], overrides: Changes) -> set[tuple[str, ...]]:
-    """Change keys of a scenario's tables, which may be valid already; which keys.
+    """Change keys of a scenario's tables, which may be valid already; returns the changed keys.
 
     Raises
     ------
     ConfigurationError
-        An override is no key with a value, or its value is nested too deeply, or too large.
+        An override is not a key with a value, or its value is nested too deeply, or too large.
     """
     given = gathered(overrides)
-    if isinstance(given, Mapping) and {*map(type, given.values())} != {float}:  # which fit
+    if isinstance(given, Mapping) and {*map(type, given.values())} != {float}:  # floats fit
         check_values("overrides", given)
     batch = [*_pairs(given)]
     by_table: dict[str, list[tuple[tuple[str, ...], Any]]] = {}
     for path, value in batch:
-        if not (type(value) is float and len(path) == 2):  # which fits, as most are
+        if not (type(value) is float and len(path) == 2):  # these, the most frequent, fit
             check_values(f"override {shortened('.'.join(path))}", value, len(path))
         by_table.setdefault(path[0], []).append((path, value))
     for name, own in by_table.items():
@@ -51,7 +51,7 @@ def override(raw: dict[str, Any], overrides: Changes) -> set[tuple[str, ...]]:
 
 
 def _varied(name: str, table: Table, batch: _Batch) -> Any:
-    """A table with some keys changed. Points of a study share those in which they agree."""
+    """A table with some keys changed. Points of a study share a table if they agree in it."""
 
     def made() -> Any:
         raw = {name: without_none(given_of(table))}
@@ -101,7 +101,7 @@ _PLAIN = {bool, int, float, str, tuple, list}
 
 def is_mapping(value: Any) -> TypeGuard[Mapping[str, Any]]:
     """Whether a value is a table, not a key."""
-    # Of most values the type tells at once that they are none.
+    # For most values, the type tells at once that they are not.
     return type(value) not in _PLAIN and isinstance(value, Mapping)
 
 

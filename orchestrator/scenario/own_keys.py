@@ -20,12 +20,12 @@ from .schema import Table, table_class, toml
 def values_of(
     scenario: Scenario, receiver: UserReceiver, given: Mapping[str, Any]
 ) -> dict[str, Value]:
-    """The values of parameters that are given by their keys, in SI units.
+    """Values of parameters given by their keys, in SI units.
 
     Raises
     ------
     ConfigurationError
-        There is no such key, or its value is none that the declaration allows.
+        There is no such key, or the declaration does not allow its value.
     """
     where = scenario.where("receiver", "parameters")
     variables = receiver.parameters

@@ -1,4 +1,4 @@
-"""What must hold of packets: bits for what they say, and receivers that use what they have."""
+"""Requirements on packets: enough bits, and receivers that use what packets hold."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from sblcosim.models.settings.packets import DEFAULT, KEYS
 
 
 def resolutions(acoustics: Any, beacons: int) -> dict[str, float]:
-    """Keys that follow from ``packet_bits``, before all others are filled in."""
+    """Keys derived from ``packet_bits``, before all others are filled in."""
     if not acoustics.packet_bits:
         return {}
     content = acoustics.packet_content or DEFAULT
@@ -20,7 +20,7 @@ def resolutions(acoustics: Any, beacons: int) -> dict[str, float]:
 
 
 def problems(platform: Any, acoustics: Any, receiver: Any, beacons: int) -> Iterator[str]:
-    """What contradicts itself in the tables of a scenario; one line each."""
+    """Contradictions in the tables of a scenario; one line each."""
     content = acoustics.packet_content
     if acoustics.packet_bits and acoustics.fmu is not None:
         yield "[acoustics] packet_bits: must be left out if there is another fmu"
@@ -30,7 +30,7 @@ def problems(platform: Any, acoustics: Any, receiver: Any, beacons: int) -> Iter
         return
     if content in PLACED and not platform.gps_shared:
         yield (
-            "[acoustics] packet_content: must have positions of beacons, as gps_shared of "
+            "[acoustics] packet_content: must include positions of beacons, as gps_shared of "
             f"[platform] is false, got {content!r}"
         )
     if (
@@ -64,7 +64,7 @@ def _too_long(acoustics: Any, beacons: int) -> Iterator[str]:
 
 
 def _given(acoustics: Any) -> tuple[float | None, float | None]:
-    """The resolutions that are given, and have an effect."""
+    """The given resolutions that have an effect."""
     first, second = (
         getattr(acoustics, key) if key in acoustics.model_fields_set else None for key in KEYS
     )

@@ -14,9 +14,9 @@ from sblcosim.fmus.files import regular
 from ..errors import ConfigurationError, nearest, quoted, shortened
 
 DEEPEST = 16
-"""Largest nesting of tables and arrays, and parts of a key; a scenario needs four."""
+"""Maximum nesting of tables and arrays, and of parts of a key; a scenario needs four."""
 LARGEST = 1 << 20
-"""Largest file [bytes]; a scenario has a few thousand."""
+"""Maximum size of a file [bytes]; a scenario has a few thousand."""
 _INTEGERS = 2**63  # TOML integers have 64 bits
 _LONGEST_PATH = 240  # characters of a path in a message
 
@@ -122,7 +122,7 @@ def _problem(where: str, text: str, error: tomllib.TOMLDecodeError) -> str:
     if at is None:
         return f"{where}: must be TOML: {shortened(message)}"
     if message.startswith("Cannot overwrite a value"):
-        # The place is the end of the value, which may be on several lines.
+        # The location is the end of the value, which may span several lines.
         before = text.split("\n")[: int(at[1])]
         keys = (re.match(r"\s*([\w.\"'-]+)\s*=", line) for line in reversed(before))
         key = next((found[1] for found in keys if found), None)

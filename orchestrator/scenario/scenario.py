@@ -59,7 +59,7 @@ Receivers = Source | Sequence[Source] | Mapping[str, Source]
 class Scenario(Table):
     """The complete description of a run.
 
-    Made by `load`, which fills in all values that a file leaves out.
+    Made by `load`, which fills in everything that a file leaves out.
 
     Attributes
     ----------
@@ -73,8 +73,8 @@ class Scenario(Table):
         The tables, with the keys of a scenario file: ``scenario.platform.arm_length_m``.
     """
 
-    name: Name = Field(default="scenario", description="Short name, and folder of results")
-    title: str = Field(default="", description="What people read, on top of tables and figures")
+    name: Name = Field(default="scenario", description="Short name, also of the results folder")
+    title: str = Field(default="", description="Title shown above tables and figures")
     seed: Annotated[int, Field(ge=SEED.min, le=SEED.max)] = Field(
         default=int(SEED.starts[0]), description="Seed of all random numbers"
     )
@@ -170,15 +170,15 @@ class Scenario(Table):
 
     def assumptions(self, parameters: Collection[str] = ("clock_std", "beacon_offset")
     ) -> Mapping[str, Any]:
-        """Keys of ``[receiver]`` that are not given: what a receiver may assume of the system.
+        """Keys of ``[receiver]`` that are not given: what a receiver may assume about the system.
 
         Parameters
         ----------
         parameters
-            Those of the receiver. One that does not estimate its clock takes the clock's error for
-            one of the ranges; one that is told the arrangement takes it for noisier if beacons
-            are not where they should be. One that has none of what follows from the system is
-            told its noises only.
+            The receiver's parameters. For a receiver that does not estimate its clock, the clock's
+            error counts as range noise. For one that is given the arrangement, misplaced beacons
+            count as range noise. A receiver without parameters that follow from the system is given
+            only its noise levels.
         """
         receiver, tables = self.receiver, (self.target, self.platform, self.acoustics)
         source = receiver.pose_source if "pose_source" in receiver.model_fields_set else None
@@ -195,7 +195,8 @@ class Scenario(Table):
         return alike("assumptions", key, make, *tables)
 
     def given(self) -> dict[str, Any]:
-        """The keys that were given explicitly, as nested tables; the rest follows from them."""
+        """The keys that were given explicitly, as nested tables; all others are derived from
+        them."""
         return self.model_dump(exclude_unset=True)
 
     def override(self, overrides: Changes) -> Scenario:
@@ -214,8 +215,8 @@ class Scenario(Table):
         Parameters
         ----------
         folder
-            Folder of the future file. Paths of FMUs become relative to it, so that the text does
-            not depend on absolute paths; None: paths are not changed.
+            Folder of the future file. Paths of FMUs become relative to it, so that the text
+            contains no absolute paths; None: paths are unchanged.
         """
         lines = [f"{key} = {toml(getattr(self, key))}" for key in ("name", "title", "seed", "fmi")]
         idle = self.idle()
@@ -231,11 +232,11 @@ class Scenario(Table):
                 variable = table.variables.get(key)
                 filled = variable is not None and key not in table.model_fields_set
                 if filled and key == "seed":
-                    continue  # one that is written would not follow that of the scenario
+                    continue  # if written, it would not follow the scenario's
                 if filled and table.fmu is not None and variable.name not in SHARED_PARAMETERS:
                     continue  # a key in the file would have to be a parameter of that FMU
                 if filled and ((name, key) in idle or effects.is_choice((name, key))):
-                    continue  # loading the file would warn of it, or take it for a choice
+                    continue  # when loaded, it would cause a warning, or count as a choice
                 if key in FILES and folder is not None:
                     value = relative(Path(value), folder)
                 lines.append(f"{key} = {toml(rows(variable, value))}")
@@ -248,12 +249,12 @@ class Scenario(Table):
 
     @property
     def beacons(self) -> int:
-        """Number of beacons, for which components are made."""
+        """Number of beacons for which components are made."""
         return int(self.platform.beacons)
 
     @property
     def about_track(self) -> str:
-        """What is kept of a recorded track, in a sentence; empty without one."""
+        """What was kept of a recorded track, in a sentence; empty without one."""
         follows = self.target.trajectory == tracks.FILE
         return str(self.__dict__.get("_track", "")) if follows else ""
 
@@ -345,7 +346,7 @@ def no_effect(key: effects.Key) -> str:
 
 
 def _read(source: str | Path | Mapping[str, Any] | Scenario) -> tuple[str, dict[str, Any], str]:
-    """Name of the source for messages, what it gives, and the file that it is from, or nothing."""
+    """Name of the source for messages, its content, and its file, if any."""
     if isinstance(source, Scenario):
         return source.name, {**source.__dict__["_given"]}, source.__dict__.get("_file", "")
     where, tables, folder = _tables_of(source)

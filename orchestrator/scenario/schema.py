@@ -88,7 +88,7 @@ class Table(BaseModel):
         def __getattr__(self, key: str) -> Any: ...
 
     def __dir__(self) -> list[str]:
-        # Without the names of pydantic: what is left are the keys, and what a table can do.
+        # Without pydantic's names: keys and methods of a table remain.
         return [name for name in public(super().__dir__()) if not hasattr(BaseModel, name)]
 
 
@@ -99,7 +99,7 @@ def given_of(table: Table) -> dict[str, Any]:
 
 
 def filled(table: _T, values: Mapping[str, Any]) -> _T:
-    """A copy of a table with values of keys that were not given, which do not count as given."""
+    """A copy of a table with values for missing keys, which do not count as given."""
     full = copy(table)
     full.__dict__.update(values)
     full.__dict__.update(given_of(table))
@@ -107,7 +107,7 @@ def filled(table: _T, values: Mapping[str, Any]) -> _T:
 
 
 def valid(kind: type[Table], content: Any) -> Any:
-    """A table of its content; what is not valid is left as it is, to be refused with the rest."""
+    """A table from its content. Invalid values stay, to be refused with the rest."""
     try:
         return kind.model_validate(content)
     except ValidationError:
@@ -116,12 +116,12 @@ def valid(kind: type[Table], content: Any) -> Any:
 
 @cache
 def empty(kind: type[_T]) -> _T:
-    """A table of which nothing is given."""
+    """A table without given keys."""
     return kind()
 
 
 def table_field(kind: type[_T]) -> Any:
-    """The field for a table that may be left out."""
+    """The field for an optional table."""
     return Field(default_factory=partial(empty, kind))
 
 
@@ -166,7 +166,7 @@ def table_class(name: str, variables: Iterable[Variable], extra: Mapping[str, An
 
 
 def _presets(table: str) -> dict[str, Any]:
-    """The keys of a table that set others."""
+    """The keys of a table that set other keys."""
     keys: dict[str, Any] = {}
     for name, preset in DECLARED.items():
         if preset.table != table:
@@ -185,7 +185,7 @@ COMMON: Mapping[str, Any] = {
         str | None,
         Field(
             None,
-            description="File of another FMU to use, as a receiver also FILE.py:CLASS; relative to "
+            description="File of another FMU; for a receiver also FILE.py:CLASS; relative to "
             "the scenario's file",
         ),
     ),
@@ -193,7 +193,7 @@ COMMON: Mapping[str, Any] = {
     "interval_s": (_Seconds | None, Field(None, description="Communication interval")),
     "parameters": (
         dict[str, Any] | None,
-        Field(None, description="Further parameters of the other file: its names, its units"),
+        Field(None, description="Further parameters of the other file, with its names and units"),
     ),
 }
 
@@ -228,7 +228,7 @@ else:
             ),
             "track_tolerance_m": (
                 Annotated[float, Field(gt=0.0, le=1e5, allow_inf_nan=False)] | None,
-                Field(None, description="Farthest that the diver is from the recorded track"),
+                Field(None, description="Largest allowed distance from the recorded track"),
             ),
         },
     )
@@ -252,7 +252,7 @@ else:
             **_presets("acoustics"),
             "packet_bits": (
                 Annotated[int, Field(ge=0, le=1_000_000)] | None,
-                Field(None, description="Bits of a packet: sets the resolutions not given; 0: not "
+                Field(None, description="Bits of a packet: sets missing resolutions; 0: not "
                       "limited"),
             ),
         },
@@ -263,7 +263,7 @@ else:
         {
             "type": (
                 Literal[tuple(RECEIVERS)] | None,
-                Field(None, description=f"One of ours: {', '.join(RECEIVERS)}"),
+                Field(None, description=f"One of our receivers: {', '.join(RECEIVERS)}"),
             ),
             **COMMON,
             "prior": (
@@ -304,7 +304,7 @@ class Time(Table):
         description="Time between samples of all sensors and between pings: the paper's T",
     )
     ekf_ratio: Annotated[int, Field(ge=1, le=1_000_000)] = Field(
-        default=1, description="Updates of the receiver come every ekf_ratio sampling times"
+        default=1, description="Number of sampling times per update of the receiver"
     )
     duration_s: Annotated[
         float | Literal["path"],
@@ -332,7 +332,7 @@ class Place(Table):
         default=None, description="Longitude of the origin"
     )
     height_m: Annotated[float, Field(ge=-1e4, le=1e4)] = Field(
-        default=0.0, description="Height of the water's surface above the ellipsoid"
+        default=0.0, description="Height of the water surface above the ellipsoid"
     )
 
 

@@ -22,14 +22,14 @@ from .schema import CORE_COMPONENTS
 
 @dataclass(frozen=True)
 class Choice:
-    """What runs with a scenario.
+    """The components that run with a scenario.
 
     Attributes
     ----------
     receivers
-        By label, the raw fix included.
+        Receivers by label, including the raw fix.
     components
-        In place of the scenario's own, by name.
+        Components that replace the scenario's own, by name.
     fmi
         FMI version of our own components; None: the scenario's.
     """
@@ -45,12 +45,12 @@ def choice_of(
     fmi: int | None = None,
     components: Mapping[str, Source] | None = None,
 ) -> Choice:
-    """What a user has chosen to run with a scenario.
+    """The user's choice of what to run with a scenario.
 
     Raises
     ------
     ConfigurationError
-        As `choose`; there is no such FMI version, or no such component.
+        As `choose`; also for an unknown FMI version or component.
     """
     if fmi is not None:
         check_choice("fmi", fmi, (2, 3))
@@ -75,7 +75,7 @@ def _replaced(components: Mapping[str, Source] | None) -> dict[str, Source]:
 
 
 def choose(scenario: Scenario, receivers: Receivers) -> dict[str, Source]:
-    """Receivers by label, the raw fix included.
+    """Receivers by label, including the raw fix.
 
     Raises
     ------
@@ -109,7 +109,7 @@ def labelled(sources: Sequence[Source]) -> dict[str, Source]:
     Raises
     ------
     ConfigurationError
-        One of them is there twice.
+        One of them is given twice.
     """
     # Our receivers keep their names, in any position.
     taken = {*CORE_COMPONENTS, RAW, *(source for source in sources if isinstance(source, str))}
@@ -152,14 +152,14 @@ def known_source(source: Source) -> Source:
 
 
 def _as_file(source: str) -> str:
-    """What was perhaps meant by ``file:Class``."""
+    """Suggestion for a mistaken ``file:Class``."""
     file, colon, name = source.rpartition(":")
     meant = f"{file}.py:{name}"
     return f"; did you mean {meant!r}?" if colon and os.path.isfile(f"{file}.py") else ""
 
 
 def file_of(source: Source) -> str | None:
-    """The file or folder that a source is; None for one of ours, and for a class without a file."""
+    """File or folder of a source; None for one of ours, and for a class without a file."""
     if isinstance(source, PythonSource):
         return source.origin if source.is_file else None
     ours = isinstance(source, str) and source in RECEIVERS
@@ -174,13 +174,13 @@ def named(source: Source) -> str:
 
 
 def _given(source: str | Path) -> Path:
-    """The file or folder that the user has given; an FMU may have been built of a folder."""
+    """The file or folder that the user gave; an FMU may have been built from a folder."""
     built = of_fmu(source)
     return Path(source) if built is None else built.folder
 
 
 def _label(source: Source, taken: Iterable[str]) -> str:
-    """Label of a receiver: the name of one of ours, else a name that is not taken."""
+    """Label of a receiver: the name of one of ours, otherwise a name that is not taken."""
     if isinstance(source, str):
         return source
     name = source.stem if isinstance(source, Path) else getattr(source, "__name__", "receiver")

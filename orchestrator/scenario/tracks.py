@@ -1,4 +1,4 @@
-"""The recorded track of a scenario: from its file to points that the Target follows."""
+"""The recorded track of a scenario: from its file to the points that the Target follows."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ if TYPE_CHECKING:
     from ..tracks.track import Recorded
 
 FILE = "file"
-"""The trajectory that is a recorded track."""
+"""The trajectory for a recorded track."""
 FILE_KEYS = ("track_file", "track_tolerance_m")
-"""Keys of ``[target]`` that say what the points come from."""
+"""Keys of ``[target]`` that define where the points come from."""
 PARAMETERS = ("track_count", "track_time", "track")
 """Parameters of the Target that only a track needs."""
 TOLERANCE = 0.1
 """Default of ``track_tolerance_m``."""
 ABOVE = 2.0
-"""Above the water a diver may be, by the waves and the instruments [m]; more is told."""
+"""Height above water due to waves and instruments [m]; anything above causes a warning."""
 LONG = 86_400.0
-"""A track that lasts longer [s] is told: perhaps its times are not in seconds."""
+"""Duration [s] above which a warning is given: times may not be in seconds."""
 CAPACITIES = (TRACK_POINTS, 256, TRACK_POINTS.most)
 """Numbers of points for which Targets are built."""
 
@@ -44,7 +44,7 @@ def capacity(target: Any) -> dict[str, int]:
 
 
 def origin_of(place: Any) -> Origin | None:
-    """Where the origin of a scenario is, if it says so."""
+    """Position of a scenario's origin, if given."""
     if place.latitude_deg is None or place.longitude_deg is None:
         return None
     return Origin(place.latitude_deg, place.longitude_deg, place.height_m)
@@ -52,16 +52,16 @@ def origin_of(place: Any) -> Origin | None:
 
 @dataclass(frozen=True, eq=False)
 class _Placed:
-    """A recorded track, and where it is.
+    """A recorded track and its place.
 
     Attributes
     ----------
     points
         North, east, down [m].
     place
-        Table ``[place]`` of a track in degrees; None: it stays as it is.
+        Table ``[place]`` for a track in degrees; None: it stays unchanged.
     doubts
-        What may be a mistake.
+        Possible mistakes.
     """
 
     recorded: Recorded
@@ -71,9 +71,9 @@ class _Placed:
 
 
 def followed(target: Any, place: Any) -> tuple[Mapping[str, Any], str] | None:
-    """Tables with the points of the track in place of its file, and what was left out.
+    """Tables with the points of the track instead of its file, and what was left out.
 
-    So whatever is made of the scenario needs no file. None: there is no file to read.
+    Nothing made from the scenario then needs the file. None: there is no file to read.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def _placed(target: Any, place: Any) -> _Placed:
     origin = origin_of(place) or recorded.origin()
     points, at = recorded.points, None
     if recorded.geographic:
-        assert origin is not None  # the track brings one
+        assert origin is not None  # the track has one
         points = origin.local(points)
         at = {
             "latitude_deg": origin.latitude_deg, "longitude_deg": origin.longitude_deg,
@@ -141,7 +141,7 @@ def _about(name: str, recorded: Recorded, kept: KeptPoints) -> str:
     if recorded.left_out:
         which = shortened(", ".join(recorded.left_out), 240)
         begins = "it begins" if len(recorded.left_out) == 1 else "they begin"
-        others = f"; left out: {which}, as {begins} before the track before has ended"
+        others = f"; left out: {which}, as {begins} before the previous track has ended"
     return (
         f"{name}: the diver follows {len(kept.times) - kept.added:,} of {kept.recorded:,} points"
         f"{added}, never farther than {kept.deviation:.2g} m from the recorded track{others}"
@@ -149,7 +149,7 @@ def _about(name: str, recorded: Recorded, kept: KeptPoints) -> str:
 
 
 def _doubts(recorded: Recorded, points: Floats) -> Iterator[str]:
-    """What may be a mistake in a track with points north, east, down [m]."""
+    """Possible mistakes in a track with points north, east, down [m]."""
     dry = [i for i, depth in enumerate(points[:, 2].tolist()) if depth < -ABOVE]
     if dry:
         yield (
@@ -164,7 +164,7 @@ def _doubts(recorded: Recorded, points: Floats) -> Iterator[str]:
         more = "" if len(fast) == 1 else f", up to {speeds.max():,.4g} m/s at {len(fast):,} points"
         yield (
             f"{recorded.where(int(fast[0]) + 1, 1)}: should be reached at {most:g} m/s at most, "
-            f"got {speeds[fast[0]]:,.4g} m/s from the point before{more}"
+            f"got {speeds[fast[0]]:,.4g} m/s from the previous point{more}"
         )
     if recorded.times[-1] > LONG:
         yield (
@@ -175,13 +175,13 @@ def _doubts(recorded: Recorded, points: Floats) -> Iterator[str]:
 
 
 def problem(target: Any) -> str | None:
-    """What is wrong with the points of a track; None: nothing."""
+    """The problem with the points of a track; None: none."""
     if target.track_file is not None and target.trajectory == FILE:
         for key in ("track_time_s", "track_m", "track_count"):
             if key in target.model_fields_set:
                 return f"[target] {key}: must be left out when there is a track_file"
         if target.fmu is not None:
-            return "[target] track_file: must be left out for another FMU, fmu"
+            return "[target] track_file: must be left out with another FMU, fmu"
         return None
     if target.trajectory != FILE or target.fmu is not None:
         return None
@@ -198,7 +198,7 @@ def problem(target: Any) -> str | None:
     for i in range(1, len(times)):
         if not times[i] > times[i - 1]:
             return (
-                f"[target] track_time_s[{i + 1}]: must be later than the point before "
+                f"[target] track_time_s[{i + 1}]: must be later than the previous point "
                 f"({times[i - 1]!r}), got {times[i]!r}"
             )
     return None

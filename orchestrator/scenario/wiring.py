@@ -55,14 +55,14 @@ def connect(
     ----------
     receivers
         Names, FMU files or makers of Python components, side by side on the same noise; a mapping
-        gives them labels. None: the scenario's own receiver. With ``raw`` the raw fix
-        runs too, as ``raw``, unless ``multilateration`` is requested.
+        gives them labels. None: the scenario's own receiver. With ``raw`` the raw fix also runs, as
+        ``raw``, unless ``multilateration`` is requested.
     fmi
         FMI version (2 or 3) of all our components, instead of the scenario's.
     components
         FMU files or makers of Python components to use as ``target``, ``platform``, ``acoustics``.
     tell_idle
-        Whether to warn of given keys that have no effect.
+        Whether to warn about given keys without effect.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def connect(
 def connected(
     scenario: Scenario, choice: Choice, *, raw: bool = True, tell_idle: bool = True
 ) -> System:
-    """As `connect`, of what has been chosen."""
+    """As `connect`, for what has been chosen."""
     table, fmi = scenario.receiver, choice.fmi
     parts = _core(scenario, fmi, choice.components)
     _refuse_idle_keys(scenario, choice.receivers)
@@ -120,7 +120,7 @@ def _core(
 
 
 def applied(scenario: Scenario, choice: Choice) -> Scenario:
-    """The scenario with what was chosen merged into it, as far as a file can hold that.
+    """The scenario with the choices merged into it, as far as a file can hold them.
 
     It gets the first of several receivers, without keys that this receiver does not have. A Python
     component that is not from a file leaves the scenario's own choice in place.
@@ -177,7 +177,7 @@ def _warn_of_idle_inputs(parts: Mapping[str, Part], fed: Iterable[str]) -> None:
         for name in sorted(part.foreign_inputs):
             if f"{label}.{name}" not in fed:
                 warnings.warn(
-                    f"{label}.{name}: nothing feeds this input, it keeps its start value"
+                    f"{label}.{name}: nothing feeds this input, so it keeps its start value"
                     f"{nearest(name, ports)}",
                     ConfigurationWarning,
                     stacklevel=3,
@@ -255,7 +255,7 @@ def _hand_over_start(parts: dict[str, Part], labels: Iterable[str]) -> None:
 
 _STARTS = ("position", "path_duration")
 _OF_SENSOR = {"sampling_time", "depth_std", "depth_bias", "depth_bias_std"}
-"""Parameters of our target on which none of `_STARTS` depends: those of the depth sensor."""
+"""Parameters of our target that none of `_STARTS` depends on: those of the depth sensor."""
 
 
 def _begun(part: Part, start: Mapping[str, Value]) -> Part:
@@ -309,14 +309,14 @@ def _stop_ns(scenario: Scenario, parts: Mapping[str, Part]) -> int:
                 )
             raise ConfigurationError(
                 f"{scenario.where('time', 'duration_s')}: must be a number for a target that does "
-                f"not tell when its path ends, got 'path'"
+                f"not state when its path ends, got 'path'"
             )
     return nanoseconds(duration)
 
 
 @lru_cache(64)
 def _connections(parts: tuple[tuple[str, frozenset[str]], ...]) -> tuple[Connection, ...]:
-    """The standard connections by name; a receiver gets those for which it has an input.
+    """The standard connections by name; a receiver gets those that it has an input for.
 
     Parameters
     ----------

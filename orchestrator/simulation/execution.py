@@ -135,8 +135,7 @@ def _master_of(plan: Plan, master: str | None, step_timeout: float | None) -> st
 
 
 def _stages(sinks: Sequence[str], files: Collection[str]) -> list[list[str]]:
-    """Python components that run together: all that are not from files; each of those runs
-    alone."""
+    """Python components that run together: all but those from files, each of which runs alone."""
     here = [name for name in sinks if name not in files]
     return [*([here] if here else []), *([name] for name in sinks if name in files)]
 
@@ -250,11 +249,11 @@ def survive(
     Parameters
     ----------
     receivers
-        Components that may fail, as long as one is left.
+        Components that may fail as long as one remains.
     execute
         Function that runs a plan.
     plan
-        Of the whole system, if it has been resolved.
+        Plan of the whole system, if it has been resolved.
 
     Raises
     ------

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Study", "load", "replay", "shipped", "study_of", "table"]
 
-if not TYPE_CHECKING:  # a checker would take any name for one of ours
+if not TYPE_CHECKING:  # a checker would accept any name as one of ours
     __getattr__, __dir__ = lazy.names(
         __name__,
         {

@@ -39,7 +39,7 @@ def replay(
     study = study_of(results)
     if study.model is not None:
         raise ConfigurationError(
-            f"{results}: must be of simulated runs to do one again, got those of the function "
+            f"{results}: must hold simulated runs to repeat one, got those of the function "
             f"{study.model.name}"
         )
     runs = table(results)
@@ -57,7 +57,7 @@ def replay(
     digest = point_digest(study, int(number), system, plan, free)
     if Point(int(number), (), system, digest).run_id(int(seed)) != run_id:
         raise ConfigurationError(
-            f"run {run_id}: must be done again with the FMUs and files of then, got others"
+            f"run {run_id}: must be repeated with the original FMUs and files, got others"
         )
     return run_scenario(
         scenario.override({"seed": int(seed)}),

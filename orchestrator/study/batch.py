@@ -36,7 +36,7 @@ from .stand_in import StandIn
 
 Floats = NDArray[np.float64]
 VALUE = "value"
-"""Response of a function that stands in for the simulation."""
+"""Response of a function that replaces the simulation."""
 _NEEDED = ("update_count", "epoch", "position")
 
 
@@ -84,7 +84,7 @@ def simulate(
 def _of_function(
     campaign: Campaign, runs: Sequence[Run], model: StandIn, children: Children | None
 ) -> pd.DataFrame:
-    """The table of a function that stands in for the simulation."""
+    """The table of a function that replaces the simulation."""
     names = [*campaign.study.varied]
     given = [
         (dict(zip(names, campaign.points[run.place].values, strict=True)), run.seed)
@@ -247,7 +247,7 @@ def _judged(
 
 
 def _to_record(campaign: Campaign, group: Group) -> list[str]:
-    """Outputs that are needed to judge the runs."""
+    """Outputs needed to judge the runs."""
     known = {c.name for c in group.plan.columns}
     ports = [f"{label}.{port}" for label in campaign.receivers for port in PORTS]
     for name in (*TRUTH, *(f"{r}.{p}" for r in campaign.receivers for p in _NEEDED)):
@@ -296,7 +296,7 @@ def _table(
             if judged["broken"][i]:
                 count = int(sums[i, number, SUMS.index("broken")])
                 problem = (
-                    f"{label}: estimates must be finite and of an epoch within the run, got "
+                    f"{label}: estimates must be finite and have an epoch within the run, got "
                     f"{count} others"
                 )
             else:
@@ -306,7 +306,7 @@ def _table(
 
 
 def _about(campaign: Campaign, runs: Sequence[Run]) -> dict[str, Any]:
-    """The first columns: which runs these are."""
+    """The first columns, which identify the runs."""
     study = campaign.study
     order = {
         replicate: study.points.run_order(replicate, study.seed)

@@ -58,17 +58,17 @@ class Campaign:
     Attributes
     ----------
     groups
-        None where a function stands in for the simulation.
+        None if a function replaces the simulation.
     receivers
-        Labels of the receivers; the function's name.
+        Labels of the receivers, or the function's name.
     seeded
         Components that get the run's seed.
     handovers
         Connections from the true start to the priors, for ``prior = "true"``.
     fmus
-        SHA-256 that the FMUs and the user's Python files are known by, by component.
+        SHA-256 that identifies the FMUs and the user's Python files, by component.
     step_timeout
-        As in `sblcosim.study.runner.run`.
+        See `sblcosim.study.runner.run`.
     """
 
     study: Definition
@@ -87,7 +87,8 @@ class Campaign:
 
     @property
     def digest(self) -> str:
-        """Hash of all that makes the runs, but their number: point and replicate tell a run."""
+        """Hash of everything that defines the runs except their number: point and replicate
+        identify one."""
         digests = [point.digest for point in self.points]
         made_of: list[Any] = [self.study.seeding, self.study.seed, digests]
         if exact := self.study.rounded:
@@ -101,7 +102,8 @@ class Campaign:
 
     @cached_property
     def weights(self) -> Mapping[int, int]:
-        """Communication steps of a run, by the index of its point; a call of a function is one."""
+        """Communication steps of a run, by the index of its point; a function call counts as
+        one."""
         if not self.groups:
             return dict.fromkeys(range(len(self.points)), 1)
         return {place: group.steps for group in self.groups for place in group.places}
@@ -115,7 +117,7 @@ class Campaign:
                 "conditions": {"__all__": {"label", "unit"}},
             }
         )
-        if study["design"]["points"] is None:  # folders from before there were grids stay valid
+        if study["design"]["points"] is None:  # folders from before grids existed stay valid
             del study["design"]["points"]
         for entries in (study["factors"], study["conditions"]):
             for entry in entries.values():
@@ -127,7 +129,7 @@ class Campaign:
             del study["design"]["base_rows"]
         del study["design"]["sample"]
         if self.study.sample is not None and self.study.sample.version > 1:
-            study["design"]["sample"] = self.study.sample.version  # folders from before have none
+            study["design"]["sample"] = self.study.sample.version  # missing in older folders
         model = study.pop("model")
         if model is not None:
             study["model"] = {"from": model.origin, "sha256": model.sha256}
@@ -179,7 +181,7 @@ def prepare(study: Definition, how: How = HOW) -> Campaign:
 
 @contextmanager
 def _uncollected() -> Iterator[None]:
-    """Without searches for unused cycles: each would go through all points, which are kept."""
+    """Without searches for unused cycles: each would visit all points, which are kept."""
     was = gc.isenabled()
     gc.disable()
     try:
@@ -206,7 +208,7 @@ def _prepared(study: Definition, how: How) -> Campaign:
                 of_study = tuple(v if isinstance(v, str) else float(v) for v in values)
                 points.append(Point(number, of_study, system, digest))
                 plans.append(plan)
-    for line in no_effect(study.base, keys):  # of keys that have none at any point
+    for line in no_effect(study.base, keys):  # keys without effect at any point
         warnings.warn(line, NoEffectWarning, stacklevel=2)
     _check_effects(study, points)
     alone = [r.name for r in study.asked if not r.in_lanes]
@@ -222,7 +224,7 @@ def _prepared(study: Definition, how: How) -> Campaign:
 
 
 def _of_function(study: Definition, model: StandIn, step_timeout: float | None) -> Campaign:
-    """The campaign of a function that stands in for the simulation."""
+    """The campaign of a function that replaces the simulation."""
     points = [
         Point(
             number, values, System({}, ()),
@@ -241,24 +243,25 @@ def point_digest(
     free: Collection[str],
     texts: _Texts | None = None,
 ) -> str:
-    """Hash of everything that affects the responses of a point but the ``free`` parameters.
+    """Hash of everything that affects the responses of a point, except the ``free`` parameters.
 
     Parameters
     ----------
     texts
-        Of what points with the same ``free`` share: components and connections by their ids and
+        Texts that points with the same ``free`` share: components and connections by their ids and
         names, values of parameters by their `facts`.
     """
     known = {} if texts is None else texts
     digest = digest_of(system, plan, free, study.settling_ns, study.asked, known)
     if study.sample is None:
         return digest
-    # Two rows of a space may have equal values, and still are two of its runs.
+    # Two rows of a space may have equal values and still be two of its runs.
     return hashlib.sha256(f"{digest} {number}".encode()).hexdigest()
 
 
 def resolved_alone(study: Definition, number: int) -> tuple[Scenario, System, Plan]:
-    """As `resolved`, and warn of keys without effect, which may have one at another point."""
+    """As `resolved`, but only warn about keys without effect: they may have one at another
+    point."""
     scenario, system, plan = resolved(study, number)
     idle = effects.idle(scenario, study.components(scenario), effects.given(scenario))
     for line in no_effect(scenario, idle):
@@ -267,7 +270,7 @@ def resolved_alone(study: Definition, number: int) -> tuple[Scenario, System, Pl
 
 
 def choice_at_all_points(study: Definition) -> Choice:
-    """What runs with a study's scenario, which no factor changes."""
+    """The components that run with a study's scenario, which no factor changes."""
     return alike("choice", id(study), lambda: choice_of(study.base, receivers_of(study)), study)
 
 
@@ -400,7 +403,7 @@ def digest_of(
 def _about(
     component: PlannedComponent, spec: ComponentSpec, free: Collection[str], texts: _Texts
 ) -> str:
-    """What is hashed of a component."""
+    """Text of a component, for the hash."""
     own = f"{component.name}."
     like = spec.like or Likeness(spec)
     known = texts.get((id(like.to), own))
@@ -420,12 +423,12 @@ _quoted = lru_cache(1024)(_encode)
 
 
 def _entries(spec: ComponentSpec, names: Iterable[str]) -> dict[str, str]:
-    """What is hashed of some parameters, by name."""
+    """Texts of some parameters by name, for the hash."""
     return {name: f"{_quoted(name)}: {_json(spec.parameters[name])}" for name in names}
 
 
 def _json(value: Any) -> str:
-    # As the encoder writes numbers, of which there are many.
+    # The format of the JSON encoder for numbers, of which there are many.
     return repr(value) if type(value) is float and math.isfinite(value) else _encode(value)
 
 

@@ -43,7 +43,7 @@ def problems(study: Definition) -> Iterator[str]:
         return
     if not study.factors and study.design.kind != "single":
         yield (
-            "factors: must have at least one, got none; for the scenario as it is, replicated, say "
+            "factors: must have at least one, got none; to replicate the unchanged scenario, set "
             "[design] kind = 'single'"
         )
     if study.factors and study.design.kind == "single":
@@ -51,7 +51,7 @@ def problems(study: Definition) -> Iterator[str]:
     yield from _names(study)
     fixed = {key for key, _ in flat(study.fixed)}
     if "seed" in fixed:
-        yield "fixed: must not have seed, the study's own seed rules"
+        yield "fixed: must not have seed, because the study's own seed takes precedence"
     for prefix, name, factor in _tables(study):
         if name == study.receiver_factor:
             if study.design.kind != "grid":
@@ -70,7 +70,7 @@ def problems(study: Definition) -> Iterator[str]:
             yield from _drawn(study, prefix, name, factor)
             continue
         if factor.distribution is not None:
-            yield f"{prefix} distribution: must be left out, but in a space (kind = 'space')"
+            yield f"{prefix} distribution: must be left out, except in a space (kind = 'space')"
         elif factor.levels is None:
             yield f"{prefix} levels: must be given, got nothing"
         if factor.levels is None:
@@ -96,7 +96,7 @@ def problems(study: Definition) -> Iterator[str]:
 
 
 def _subject_problems(study: Definition) -> Iterator[str]:
-    """Errors in what is studied: a scenario, or a function in its place; one line each."""
+    """Errors in the subject of a study: a scenario, or a function in its place; one line each."""
     if study.model is None:
         if not study.scenario:
             yield "scenario: must be given (or a model in its place), got nothing"
@@ -154,9 +154,9 @@ def _keys(
     Parameters
     ----------
     owner
-        Whose the keys of others are.
+        Owner of the keys that belong to other factors.
     needed
-        Whether there must be keys: a function has arguments instead.
+        Whether keys are required: a function has arguments instead.
     """
     known = known_keys()
     if not needed:
@@ -168,7 +168,7 @@ def _keys(
         return
     if isinstance(factor.levels, dict) and factor.keys:
         yield (
-            f"{prefix} keys: must not be there with levels that have keys of their own, got "
+            f"{prefix} keys: must be left out with levels that have their own keys, got "
             f"{', '.join(factor.keys)}"
         )
     elif not factor.all_keys:
@@ -184,14 +184,14 @@ def _keys(
             yield f"{prefix} keys: there is no key {quoted(key)}{_near(key, known)}"
             continue
         if key in owner:
-            yield f"{prefix} keys: {key} must belong to one factor, got {owner[key]}, too"
+            yield f"{prefix} keys: {key} must belong to one factor, also belongs to {owner[key]}"
         if key in fixed:
-            yield f"{prefix} keys: {key} must not be among the fixed keys, too"
+            yield f"{prefix} keys: {key} must not also be a fixed key"
         owner[key] = name
 
 
 def _tables(study: Definition) -> Iterator[tuple[str, str, FactorTable]]:
-    """All factors and conditions: where they stand, their names and what is said of them."""
+    """All factors and conditions: their location, names and tables."""
     for table in VARIED:
         for name, factor in getattr(study, table).items():
             yield f"[{table}.{shortened(name)}]", name, factor
@@ -205,7 +205,7 @@ def _response_problems(study: Definition) -> Iterator[str]:
             if seen.setdefault(entry.name, entry).sha256 != entry.sha256:
                 yield f"responses: must have one response {entry.name}, got another of that name"
         elif entry in RESPONSES and entry not in ON_REQUEST:
-            yield f"responses: must not have {entry}, which is always there"
+            yield f"responses: must not have {entry}, which is always included"
         elif entry != ALL_PERCENTILES and entry not in ON_REQUEST:
             known = (*ON_REQUEST, ALL_PERCENTILES)
             close = nearest(entry, known) if isinstance(entry, str) else ""
@@ -254,7 +254,7 @@ def _level(study: Definition, factor: FactorTable, level: Level) -> Iterator[str
 
 
 def _twice(study: Definition, factor: FactorTable) -> str | None:
-    """Two levels that set the same; an empty one is the scenario as it is."""
+    """Two levels with equal settings; an empty one is the unchanged scenario."""
     seen: dict[str, Level] = {}
     for level, setting in factor.settings.items():
         try:
@@ -263,7 +263,7 @@ def _twice(study: Definition, factor: FactorTable) -> str | None:
             continue  # depends on other factors
         if made in seen:
             empty = [name for name in (seen[made], level) if not factor.settings[name]]
-            why = f" ({empty[0]}, which is empty, is the scenario as it is)" if empty else ""
+            why = f" ({empty[0]}, which is empty, is the unchanged scenario)" if empty else ""
             return f"must have levels that differ, got {seen[made]} and {level} the same{why}"
         seen[made] = level
     return None

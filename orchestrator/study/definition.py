@@ -56,7 +56,8 @@ class Definition(Table):
     scenario
         Name, file, or tables of a scenario.
     model
-        In its place: a function of the factors, ``file.py:function`` or (in Python) the function.
+        Function of the factors in place of the scenario, ``file.py:function`` or (in Python) the
+        function.
     replicates
         Number of runs at each point.
     seeding
@@ -75,14 +76,14 @@ class Definition(Table):
     fixed
         Keys of the scenario to change in all runs.
     factors
-        What is chosen, by name.
+        Quantities that the user chooses, by name.
     conditions
-        What is met: every point runs in each combination of them, and the analysis is of what
-        they give together.
+        Circumstances that the user must accept: every point runs in each combination of them, and
+        the analysis combines the results.
     """
 
-    name: Name = Field(default="study", description="Of the folder of results")
-    title: str = Field(default="", description="What people read, on top of reports")
+    name: Name = Field(default="study", description="Name of the results folder")
+    title: str = Field(default="", description="Title shown above reports")
     scenario: str | dict[str, Any] = ""
     model: Annotated[Any, BeforeValidator(_model)] = None
     replicates: Annotated[int, Field(ge=1)] = Field(
@@ -93,7 +94,7 @@ class Definition(Table):
         description="Each run has its own noise, or all points of a replicate share it",
     )
     seed: Annotated[int, Field(ge=SEED.min, le=SEED.max)] = Field(
-        default=1, description="Of the first run, and of the run order"
+        default=1, description="Seed of the first run, and of the run order"
     )
     settling_time_s: Annotated[
         float, Field(ge=0.0, allow_inf_nan=False), AfterValidator(settled)
@@ -146,7 +147,7 @@ class Definition(Table):
         )
 
     def with_sample(self, version: SampleVersion) -> Self:
-        """A copy, of a space, with another version of its sample."""
+        """A copy, for a space, with another version of its sample."""
         given = {name: getattr(self, name) for name in self.model_fields_set}
         design = self.design.model_copy(update={"sample": version})
         return self.model_construct(**given | {"design": design})
@@ -178,12 +179,12 @@ class Definition(Table):
 
     @cached_property
     def varied_factors(self) -> Mapping[str, FactorTable]:
-        """The factors that make a run another one: all but the receivers."""
+        """The factors that define a run: all except the receivers."""
         return {n: f for n, f in self.factors.items() if n != self.receiver_factor}
 
     @cached_property
     def varied(self) -> Mapping[str, FactorTable]:
-        """Factors and conditions that make a run another one, in the order of a point's values."""
+        """Factors and conditions that define a run, in the order of a point's values."""
         return {**self.varied_factors, **self.conditions}
 
     @property
@@ -218,8 +219,9 @@ class Definition(Table):
         if len(set(values)) > 1 or isinstance(values[0], bool | str | tuple | None):
             keys = " and ".join(self.factors[name].keys)
             raise ConfigurationError(
-                f"[factors.{name}] keys: must have one number in the scenario, from which the "
-                f"others are swept, got {', '.join(map(repr, values))} for {keys}"
+                f"[factors.{name}] keys: must have the same number in the scenario, as the base of "
+                "the "
+                f"other sweeps, got {', '.join(map(repr, values))} for {keys}"
             )
         number: Number = values[0]
         return number
@@ -230,7 +232,7 @@ class Definition(Table):
         for factor, value in zip(
             self.varied.values(), self.points.values[point - 1], strict=True
         ):
-            # Only an array's levels are continued: a sweep's base, and the middle of two.
+            # Only an array's levels are interpolated: a sweep's base, and the middle of two.
             changes |= factor.settings.get(value) or dict.fromkeys(factor.keys, value)
         return changes
 
@@ -258,7 +260,7 @@ class Definition(Table):
 
     @cached_property
     def rounded(self) -> list[str]:
-        """Levels of a function that its runs' ids hold with fewer digits, exactly."""
+        """Levels of a function, exactly; its run ids hold them with fewer digits."""
         if self.model is None:
             return []
         levels = (v for row in self.points.values for v in row if not isinstance(v, str))

@@ -1,9 +1,9 @@
 """Designs of experiments: the points in factor space, and the order of the runs.
 
 Two-level designs (full, or a regular fraction) with centre points, and sweeps of one factor at a
-time; `sblcosim.study.grid` has those of any levels. Points are in standard (Yates) order: the first
-factor changes fastest. A fraction is defined by generators such as ``E=ABCD``. The factors are
-called A, B, C, … in order (without I, which stands for the mean).
+time; `sblcosim.study.grid` handles designs with any levels. Points are in standard (Yates) order:
+the first factor changes fastest. A fraction is defined by generators such as ``E=ABCD``. The
+factors are called A, B, C, … in order (without I, which stands for the mean).
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Factor:
     Attributes
     ----------
     levels
-        Physical values, or names. Of two levels, the first is coded −1 and the second +1.
+        Physical values, or names. With two levels, the first is coded −1 and the second +1.
     """
 
     name: str
@@ -66,17 +66,17 @@ class Factor:
 
     @property
     def is_categorical(self) -> bool:
-        """Whether some level is no number."""
+        """Whether any level is not a number."""
         return any(isinstance(level, str) for level in self.levels)
 
     @property
     def numbers(self) -> tuple[Number, ...]:
-        """The levels, where all must be numbers.
+        """The levels, if all are numbers.
 
         Raises
         ------
         ConfigurationError
-            Some level is none.
+            A level is not a number.
         """
         for level in self.levels:
             if isinstance(level, str):
@@ -98,7 +98,7 @@ class Factor:
 
 @dataclass(frozen=True)
 class Design:
-    """The points of an experiment, each once.
+    """The points of an experiment, each listed once.
 
     Attributes
     ----------
@@ -175,7 +175,7 @@ class Design:
         if groups:
             named = "; ".join(" aliased with ".join(group) for group in groups)
             raise ConfigurationError(
-                f"design: must tell terms up to order {order} apart, got {named}; use a larger "
+                f"design: must separate terms up to order {order}, got {named}; use a larger "
                 "fraction or a full design"
             )
 
@@ -225,7 +225,7 @@ def fractional(
     generators
         ``"E=ABCD"`` or ``"E=-ABCD"``: p of them.
     resolution
-        Instead of generators: take the smallest fraction with at least this resolution, and among
+        Instead of generators: use the smallest fraction with at least this resolution, and among
         those the one with the fewest short words.
 
     Raises
@@ -247,7 +247,7 @@ def fractional(
             generated, word, sign = _generator(text, factors)
             if generated in words:
                 raise ConfigurationError(
-                    f"generator {quoted(text)}: must make another factor than the others, got "
+                    f"generator {quoted(text)}: must define another factor than the others, got "
                     f"{LETTERS[generated]} twice"
                 )
             words[generated] = (word, sign)
@@ -319,7 +319,7 @@ def _middle(factor: Factor) -> Number:
 
 
 def check_factors(factors: Sequence[Factor]) -> None:
-    """Refuse no factors, too many, and names that are there twice."""
+    """Refuse a missing factor, too many factors, and duplicate names."""
     if not factors:
         raise ConfigurationError("design: must have at least one factor, got none")
     if len(factors) > len(LETTERS):
@@ -329,7 +329,7 @@ def check_factors(factors: Sequence[Factor]) -> None:
     names = [f.name for f in factors]
     for name in names:
         if names.count(name) > 1:
-            raise ConfigurationError(f"factor {name}: must be there once, got {names.count(name)}")
+            raise ConfigurationError(f"factor {name}: must appear once, got {names.count(name)}")
 
 
 def _check_size(basic: int) -> None:

@@ -24,7 +24,7 @@ _NUMBERS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "triangular": (("range", "mode"), ()),
     "choice": (("levels",), ("weights",)),
 }
-"""What each distribution must and may be given."""
+"""Required and optional numbers of each distribution."""
 _ALL = tuple(dict.fromkeys(name for lists in _NUMBERS.values() for part in lists for name in part))
 
 
@@ -37,33 +37,33 @@ _NumberArray = Annotated[tuple[_Number, ...], BeforeValidator(_array)]
 
 
 class Numbers(Table):
-    """What distributions may be given; see `Distribution`."""
+    """Numbers of distributions; see `Distribution`."""
 
     range: _NumberArray | None = Field(default=None, description="Lowest and highest value")
-    mean: _Number | None = Field(default=None, description="Of a normal distribution")
-    std: _Number | None = Field(default=None, description="Of a normal distribution")
-    median: _Number | None = Field(default=None, description="Of a log-normal distribution")
+    mean: _Number | None = Field(default=None, description="Mean of a normal distribution")
+    std: _Number | None = Field(default=None, description="Standard deviation, if normal")
+    median: _Number | None = Field(default=None, description="Median, if log-normal")
     factor: _Number | None = Field(
         default=None, description="68 % of the values are between median/factor and median × factor"
     )
-    mode: _Number | None = Field(default=None, description="Top of a triangular distribution")
+    mode: _Number | None = Field(default=None, description="Mode of a triangular distribution")
     weights: _NumberArray | None = Field(
-        default=None, description="Of the levels of a choice; default: all are equally probable"
+        default=None, description="Weights of the levels of a choice; default: equal"
     )
 
 
 class Distribution(Numbers):
-    """Distribution of a factor, as in a study file; all in the units of the keys.
+    """Distribution of a factor, as in a study file; all numbers in the units of the keys.
 
     Attributes
     ----------
     distribution
         ``uniform`` and ``log-uniform`` between the ends of `range`; ``normal`` with `mean` and
-        `std`; ``log-normal`` with `median` and `factor`; ``triangular`` over `range`, with its top
-        at `mode`; ``choice`` among `levels`, with probabilities proportional to `weights`.
+        `std`; ``log-normal`` with `median` and `factor`; ``triangular`` over `range` with the mode
+        `mode`; ``choice`` among `levels`, with probabilities proportional to `weights`.
     range
-        Lowest and highest value. A normal or log-normal distribution that has it is truncated:
-        what would be beyond it is drawn again from within.
+        Lowest and highest value. A normal or log-normal distribution with a range is truncated to
+        it.
     median, factor
         The logarithm is normal: 68 % of the values are between median/factor and median × factor.
     levels
@@ -81,7 +81,7 @@ class Distribution(Numbers):
         u
             Probabilities, more than 0 and less than 1; any shape.
         """
-        from scipy import stats  # only where something is drawn
+        from scipy import stats  # only if something is drawn
 
         if self.distribution == "choice":
             assert self.levels is not None
@@ -127,7 +127,7 @@ class Distribution(Numbers):
 
     @property
     def logarithmic(self) -> bool:
-        """Whether it is one of the logarithm."""
+        """Whether it is a distribution of the logarithm."""
         return self.distribution.startswith("log-")
 
 
@@ -137,7 +137,7 @@ def distribution_of(distribution: Kind, **numbers: Any) -> Distribution:
     Raises
     ------
     ConfigurationError
-        There is no such distribution, or a number is missing, wrong or not one of its own.
+        There is no such distribution, or a number is missing, wrong or does not belong to it.
     """
     check_choice("distribution", distribution, get_args(Kind))
     known = [name for name in Distribution.model_fields if name != "distribution"]
@@ -162,12 +162,12 @@ def distribution_of(distribution: Kind, **numbers: Any) -> Distribution:
 
 
 def problems(given: Distribution, names: Sequence[str] = ()) -> Iterator[str]:
-    """Errors in a distribution; one line each, the first of which comes first.
+    """Errors in a distribution; one line each, most basic first.
 
     Parameters
     ----------
     names
-        The values of a key that is set by name, such as a solver; only a choice can vary it.
+        Values of a key that is set by name, such as a solver; only a choice can vary it.
     """
     kind = given.distribution
     needed, allowed = _NUMBERS[kind]
@@ -196,7 +196,7 @@ def problems(given: Distribution, names: Sequence[str] = ()) -> Iterator[str]:
 
 
 def _wrong_numbers(given: Distribution) -> Iterator[str]:
-    """Errors in the numbers that a distribution has."""
+    """Errors in the numbers of a distribution."""
     if given.range is not None:
         if len(given.range) != 2 or not 0 < given.range[1] - given.range[0] < math.inf:
             yield f"range: must be two numbers, the lower first, got {shortened([*given.range])}"
@@ -250,5 +250,5 @@ def _quoted(names: Sequence[str]) -> str:
 
 
 def is_number(level: object) -> bool:
-    """Whether a level is a number; true and false are none."""
+    """Whether a level is a number; true and false are not."""
     return isinstance(level, int | float) and not isinstance(level, bool)

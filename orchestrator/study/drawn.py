@@ -14,7 +14,7 @@ from .space import DrawnFactor, Sample
 from .tables import FactorTable, named
 
 ROUNDED: Mapping[str, float] = {"time.sampling_time_s": 1e-3}
-"""Keys whose values are rounded to whole multiples: runs that share one go side by side."""
+"""Keys whose values are rounded to whole multiples: runs with equal values go side by side."""
 
 
 def factor_of(
@@ -25,12 +25,12 @@ def factor_of(
     Parameters
     ----------
     of_keys
-        Whether it sets keys of a scenario, and is no argument of a function.
+        Whether it sets keys of a scenario, not an argument of a function.
 
     Raises
     ------
     ConfigurationError
-        It has no distribution, or not one for these keys.
+        It has no distribution, or one that does not fit these keys.
     """
     law = factor.law
     if law is None:
@@ -40,7 +40,7 @@ def factor_of(
         )
     low, high, step = -math.inf, math.inf, 0.0
     names: tuple[str, ...] = ()
-    # A choice sets what it names; whether the scenario takes it, is seen at the points.
+    # A choice sets names. The points show whether the scenario accepts them.
     for key in factor.keys if of_keys and law.distribution != "choice" else ():
         known = _schemas().get(key, {})
         low = max(low, known.get("minimum", -math.inf))
@@ -65,7 +65,7 @@ def _schemas() -> Mapping[str, Any]:
 
 
 def design_of(sample: Sample) -> Design:
-    """The rows of a space as points; the levels of a number are the least and the largest."""
+    """The rows of a space as points; a number's levels are its smallest and largest value."""
     columns = [[*map(named, sample.values[f.name].tolist())] for f in sample.factors]
     factors = tuple(
         Factor(f.name, (min(column), max(column)) if f.numeric else tuple(dict.fromkeys(column)))

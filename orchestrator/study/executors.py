@@ -1,7 +1,7 @@
 """Executors for the runs of a campaign: local threads, local processes, or a Dask cluster.
 
 Threads share the campaign. Other processes receive it as a parcel with its FMU files, so they need
-no compiler, no CasADi and no shared file system.
+neither compiler nor CasADi nor a shared file system.
 """
 
 from __future__ import annotations
@@ -119,7 +119,7 @@ def _spread(
 ) -> Simulated:
     """Distribute the runs of a part, and those of the next parts while some workers are idle.
 
-    ``ours``: the pool ends with the runs, and what it has not begun with it.
+    ``ours``: the pool ends with the runs, together with anything it has not begun.
     """
     pending: deque[tuple[Sequence[Run], list[Future[pd.DataFrame]]]] = deque()
     rest = iter(parts)
@@ -156,7 +156,7 @@ def _spread(
 
 _ENDED = (
     "workers: must live until their runs are done, got one that ended (a crash of an FMU, or too "
-    "little memory); runs that are finished are kept, the same command goes on"
+    "little memory); finished runs are kept, and the same command continues with them"
 )
 
 
@@ -167,17 +167,17 @@ def _result(future: Future[pd.DataFrame]) -> pd.DataFrame:
         raise
     except CancelledError:
         raise ConfigurationError(
-            "scheduler: must stay until all runs are done, got none any more; runs that are "
-            "finished are kept, the same command goes on"
+            "scheduler: must stay until all runs are done, got none any more; finished runs are "
+            "kept, and the same command continues with them"
         ) from None
     except BrokenExecutor:
-        time.sleep(stopping.PERIOD)  # who ends the workers may mean this process, too
+        time.sleep(stopping.PERIOD)  # whoever ends the workers may mean this process too
         stopping.check()
         raise ConfigurationError(_ENDED) from None
     except Exception as error:
         raise ConfigurationError(
             f"workers: must be able to simulate, got {type(error).__name__}: {one_line(error)}; "
-            "runs that are finished are kept, the same command goes on"
+            "finished runs are kept, and the same command continues with them"
         ) from error
 
 
@@ -185,7 +185,7 @@ def _result(future: Future[pd.DataFrame]) -> pd.DataFrame:
 def processes(workers: int) -> Iterator[Executor]:
     """Processes of this machine that end when the body of the statement is stopped."""
     context = multiprocessing.get_context("spawn")
-    # Its end tells them. An Event would wait for ever for a worker that has been killed.
+    # Its end tells them. An Event would wait forever for a killed worker.
     told, telling = context.Pipe(duplex=False)
     pool = ProcessPoolExecutor(workers, context, begin, (told,))
     try:
@@ -194,7 +194,7 @@ def processes(workers: int) -> Iterator[Executor]:
         telling.close()
         started = [*(pool._processes or {}).values()]
         manager: Any = pool._executor_manager_thread
-        pool.shutdown(wait=False, cancel_futures=True)  # else runs end with those who are killed
+        pool.shutdown(wait=False, cancel_futures=True)  # otherwise killed workers keep runs
         _end(started)
         if manager is not None:  # it must not meet the end of the interpreter
             manager.join(_MANAGER_S)
@@ -206,15 +206,15 @@ def processes(workers: int) -> Iterator[Executor]:
 
 
 _MANAGER_S = 10.0
-"""Seconds for the thread of a pool to notice that its workers have ended; it takes few."""
+"""Seconds for the thread of a pool to notice that its workers have ended; usually few."""
 _KILLED_S = 10.0
-"""Seconds for a process that is killed to end, and its locks with it; it takes milliseconds."""
+"""Seconds for a killed process to end and release its locks; it takes milliseconds."""
 
 
 def _end(workers: Sequence[BaseProcess]) -> None:
-    """Kill the workers that do not end as they are told, being busy or not ready yet.
+    """Kill the workers that do not end on request, because they are busy or not ready yet.
 
-    They and those that somebody else has killed leave their files, which are removed here.
+    The files left by them, and by workers that somebody else has killed, are removed here.
     """
     until = time.monotonic() + 2 * stopping.GRACE
     for process in workers:
@@ -249,17 +249,17 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 def begin(told: Connection | None = None) -> None:
-    """Initialise a worker: it ends as it is told or with the parent process, however that ends.
+    """Initialise a worker: it ends on request or with the parent process, however that ends.
 
-    Signals to stop, which a whole group of processes may get, are for the parent.
+    Signals to stop, which a whole group of processes may receive, are for the parent.
 
     Parameters
     ----------
     told
-        When it ends, the worker's task is to end: at the next check, or with the worker.
+        When it ends, the worker's task must end: at the next check, or with the worker.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, lambda *_: None)  # which the worker's processes do not inherit
+    signal.signal(signal.SIGTERM, lambda *_: None)  # not inherited by the worker's processes
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
     parent = multiprocessing.parent_process()
@@ -354,7 +354,7 @@ def _proxy(content: dict[Any, Any]) -> MappingProxyType[Any, Any]:
 
 
 class _Packer(pickle.Pickler):
-    """Replaces paths of FMU files by their SHA-256 values, and Python files by what they hold."""
+    """Replaces paths of FMU files by their SHA-256 values, and Python files by their content."""
 
     def __init__(self, stream: io.BytesIO, known: Mapping[Path, str]) -> None:
         super().__init__(stream, pickle.HIGHEST_PROTOCOL)

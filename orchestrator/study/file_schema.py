@@ -1,4 +1,4 @@
-"""The JSON schema of a study file, for editors; as `sblcosim.scenario.file_schema`."""
+"""The JSON schema of a study file, for editors; see `sblcosim.scenario.file_schema`."""
 
 from __future__ import annotations
 
@@ -49,10 +49,9 @@ _RULES = [
         },
     },
 ]
-"""Arguments of a model need no keys; only grids, spaces and models have levels that are no numbers.
-"""
+"""Arguments of a model need no keys. Levels other than numbers need a grid, a space or a model."""
 _OF_OTHERS = r"^\w+\.parameters\..+$"
-"""Key of a parameter of somebody else's FMU."""
+"""Key of a parameter of a third-party FMU."""
 
 
 def study_schema() -> dict[str, Any]:
@@ -117,8 +116,9 @@ def _describe_levels(
         "minItems": 1,
     }
     factor["levels"] = {
-        "description": "In the units of the keys; of two, the first is coded -1, the second +1. "
-        "Without keys: by name, the keys that each level sets, or a file of them",
+        "description": "In the units of the keys; with two levels, the first is coded -1, the "
+        "second +1. "
+        "Without keys: by name, the keys that each level sets, or a file with them",
         "anyOf": [
             {
                 "type": "array",

@@ -1,4 +1,4 @@
-"""Designs of any levels: all combinations or a random subset of them, and conditions."""
+"""Designs with any levels: all combinations or a random subset, and conditions."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from ..errors import ConfigurationError
 from .design import MOST_POINTS, Design, Factor, Level, check_factors, shown
 
 _DRAWS = 1000
-"""Draws that miss a level, after which there are too few points."""
+"""Number of draws that miss a level, after which there are too few points."""
 
 
 def grid(factors: Sequence[Factor], points: int | None = None, seed: int = 0) -> Design:
-    """All combinations of all levels, or some of them at random, each once.
+    """All combinations of all levels, or a random subset, each once.
 
     Parameters
     ----------
     points
-        How many combinations are drawn; None: all.
+        Number of combinations to draw; None: all.
     seed
-        Of the draw.
+        Seed of the draw.
 
     Raises
     ------
     ConfigurationError
-        There are too many points, or too few for every level to be at one of them.
+        There are too many points, or too few to include every level.
     """
     check_factors(factors)
     total = math.prod(len(f.levels) for f in factors)
@@ -42,15 +42,16 @@ def grid(factors: Sequence[Factor], points: int | None = None, seed: int = 0) ->
         return _shown(Design(tuple(factors), (), ()), total, points, seed)
     if total > MOST_POINTS:
         raise ConfigurationError(
-            f"design: must have at most {MOST_POINTS} points, got {total}; say how many of them "
-            "are drawn ([design] points)"
+            f"design: must have at most {MOST_POINTS} points, got {total}; set the number of "
+            "points "
+            "to draw ([design] points)"
         )
     values = tuple(_combination(factors, index) for index in chosen)
     return Design(tuple(factors), values, (False,) * len(values))
 
 
 def _shown(design: Design, total: int, points: int, seed: int) -> Design:
-    """The first of some draws in which every level is."""
+    """The first of several draws that includes every level."""
     missing = ""
     for attempt in range(_DRAWS):
         values = tuple(
@@ -65,13 +66,13 @@ def _shown(design: Design, total: int, points: int, seed: int) -> Design:
             return replace(design, values=values, centre=(False,) * points)
         missing = missing or absent[0]
     raise ConfigurationError(
-        f"[design] points: must be enough for every level, got {missing} at none of {points}; "
-        "draw more"
+        f"[design] points: must be enough for every level, but {points} points do not include "
+        f"{missing}; draw more"
     )
 
 
 def _drawn(total: int, points: int, seed: int, attempt: int) -> list[int]:
-    """Different numbers from 0 below a total, ascending."""
+    """Distinct numbers from 0 to below a total, ascending."""
     # Its raw bits are the same in every version of NumPy.
     stream = np.random.Philox(key=seed, counter=[0, 0, 0, attempt])
     if total <= MOST_POINTS:
@@ -93,7 +94,7 @@ def _combination(factors: Sequence[Factor], index: int) -> tuple[Level, ...]:
 
 
 def crossed(design: Design, conditions: Sequence[Factor]) -> Design:
-    """Every point of a design in every combination of some conditions, which change slowest."""
+    """Every point of a design in every combination of the conditions, which change slowest."""
     if not conditions:
         return design
     rows = grid(conditions).values

@@ -33,7 +33,7 @@ class Point:
     values
         Physical values, or names, of the factors and conditions.
     system
-        Empty where a function stands in for the simulation.
+        Empty if a function replaces the simulation.
     digest
         Hash of everything but the seed.
     """
@@ -50,7 +50,7 @@ class Point:
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """Points that can run side by side: they differ in parameters only.
+    """Points that can run side by side: they differ only in parameters.
 
     Attributes
     ----------
@@ -76,7 +76,7 @@ class Group:
 
 
 def _kind(spec: ComponentSpec) -> Hashable:
-    """What is equal in components that run side by side."""
+    """Properties that components must share to run side by side."""
     return (
         spec.fmu,
         spec.interval_ns,
@@ -92,10 +92,11 @@ def grouped(
     master: str | None,
     alone: bool,
 ) -> tuple[Group, ...]:
-    """Group points that differ only in parameters; ``alone``: no lanes, as a record is needed."""
+    """Group points that differ only in parameters; ``alone``: no lanes, because a record is
+    needed."""
     alike: dict[Any, list[int]] = {}
     numbers: dict[Hashable, int] = {}
-    kinds: dict[int, int] = {}  # by the id of what points share
+    kinds: dict[int, int] = {}  # by the id of what the points share
 
     def kind(thing: Any, of: Callable[[Any], Hashable]) -> int:
         if id(thing) not in kinds:

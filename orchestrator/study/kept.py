@@ -1,8 +1,8 @@
-"""Finished runs of a command that is under way: after a kill the same command goes on with them.
+"""Finished runs of a command in progress: after a kill, the same command continues with them.
 
-They are beside the folder of its result, in ``NAME-unfinished``, until that is written. There is a
-folder for each study, named after all that makes its runs, with parts as a study's folder has them:
-so whatever another command finds there is right for it, too, and what is damaged is done again.
+They lie next to the folder of its result, in ``NAME-unfinished``, until that is written. Each study
+has a folder, named after everything that defines its runs, with parts as in a study's folder.
+Whatever another command finds there is therefore valid for it too, and damaged runs are repeated.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from . import parts
 from .parts import Parts
 
 _TOLD = (
-    "Finished runs of a command of sblcosim that has not come to its end. The same command goes on "
+    "Finished runs of a command of sblcosim that has not ended yet. The same command continues "
     "with them, and removes them when its result is written. They may be deleted.\n"
 )
 
@@ -49,12 +49,12 @@ class Kept:
         self._above = [it for it in self.folder.parents if not os.path.exists(it)]
 
     def of(self, *identity: object) -> Path | None:
-        """The folder for some runs; None, and a warning, if there can be none.
+        """The folder for some runs; None, with a warning, if there can be none.
 
         Parameters
         ----------
         identity
-            All that makes the runs, but their numbers, as plain data.
+            Everything that defines the runs except their numbers, as plain data.
         """
         name = hashlib.sha256(json.dumps(identity).encode()).hexdigest()[:16]
         note, folder = self.folder / NOTE, self.folder / name
@@ -68,7 +68,7 @@ class Kept:
                     empty.rmdir()
             warnings.warn(
                 f"{self.folder}: must be a folder that can be made, to keep finished runs, got "
-                f"{error.strerror or error}; if this is interrupted, it begins anew",
+                f"{error.strerror or error}; if this is interrupted, it starts from the beginning",
                 ConfigurationWarning, stacklevel=3,
             )
             return None
@@ -77,29 +77,29 @@ class Kept:
 
     @property
     def runs(self) -> int:
-        """Number of runs that are kept of those that have been asked for."""
+        """Number of requested runs that are kept."""
         return sum(len(parts.finished(_looked_through(folder)[0])) for folder in self._used)
 
     def remove(self) -> None:
-        """Remove what this command has used, and the folder if no other one has something there."""
+        """Remove what this command has used, and the folder if nothing else is in it."""
         for folder in self._used:
             files.sweep(folder)
             if not os.path.isdir(folder) or any(map(files.is_hidden, os.listdir(folder))):
-                continue  # another process is at work there
+                continue  # another process is using it
             files.remove(folder)
         if os.path.isdir(self.folder) and {*os.listdir(self.folder)} <= {NOTE}:
             files.remove(self.folder)
-        for folder in self._above:  # if nothing came of it
+        for folder in self._above:  # if it was never used
             with suppress(OSError):
                 folder.rmdir()
 
 
 def sound(folder: Path) -> Parts:
-    """The parts in a folder that are as they were written; others are removed, and told of."""
+    """The unchanged parts in a folder; others are removed, with a warning."""
     there, damaged = _looked_through(folder)
     for path in damaged:
         files.remove(path)
-        warnings.warn(f"{path}: {OTHER}; its runs are done again", DamageWarning, stacklevel=3)
+        warnings.warn(f"{path}: {OTHER}; its runs are repeated", DamageWarning, stacklevel=3)
     return there
 
 

@@ -1,4 +1,4 @@
-"""Levels of a study file that are names of something else: files, and receivers."""
+"""Levels of a study file that name something else: files, and receivers."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .tables import RECEIVERS_KEY, VARIED
 
 
 def receiver(entry: Any, folder: Path) -> Any:
-    """A receiver of a study with its file found; whether there is one is checked later."""
+    """A receiver of a study with its file found; its existence is checked later."""
     if isinstance(entry, str | Path):
         text = str(entry)
         is_file = text.endswith(".fmu") or is_python(text) or bool(
@@ -27,7 +27,7 @@ def receiver(entry: Any, folder: Path) -> Any:
 
 
 def read_files(where: str, raw: dict[str, Any], folder: Path) -> None:
-    """Put tables in place of the files that are levels: ``levels = {rib = "rib.toml"}``.
+    """Replace levels that are files by their tables: ``levels = {rib = "rib.toml"}``.
 
     Raises
     ------
@@ -48,7 +48,7 @@ def read_files(where: str, raw: dict[str, Any], folder: Path) -> None:
 
 
 def _tables(at: str, path: Path) -> dict[str, Any]:
-    """The tables of a scenario in a file, without what only names it."""
+    """The tables of a scenario in a file, without those that only name it."""
     try:
         tables = parse(shown(path), read_text(path, (), "level"))
     except ConfigurationError as error:
@@ -57,19 +57,19 @@ def _tables(at: str, path: Path) -> dict[str, Any]:
 
 
 def name_receivers(where: str, raw: dict[str, Any], folder: Path) -> None:
-    """If the receivers are a factor, take its levels for the study's receivers.
+    """If the receivers are a factor, use its levels as the study's receivers.
 
     Raises
     ------
     ConfigurationError
-        A level is no receiver, or there twice, or the study has receivers beside it.
+        A level is not a receiver, or appears twice, or the study also has receivers.
     """
     for name, factor in _entries(raw, "factors"):
         if factor.get("keys") not in ([RECEIVERS_KEY], (RECEIVERS_KEY,)):
             continue
         if raw.get("receivers"):
             raise ConfigurationError(
-                f"{where}: receivers: must not be given beside the factor {shortened(name)}, whose "
+                f"{where}: receivers: must be left out with the factor {shortened(name)}, whose "
                 "levels they are"
             )
         at, given = f"{where}: [factors.{shortened(name)}] levels", factor.get("levels")
@@ -92,7 +92,7 @@ def name_receivers(where: str, raw: dict[str, Any], folder: Path) -> None:
 
 
 def _entries(raw: Mapping[str, Any], table: str) -> Iterator[tuple[str, Mapping[str, Any]]]:
-    """Names and tables of factors or conditions; what is no table is refused later."""
+    """Names and tables of factors or conditions; anything that is not a table is refused later."""
     entries = raw.get(table)
     if isinstance(entries, Mapping):
         for name, factor in [*entries.items()]:

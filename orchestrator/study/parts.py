@@ -1,9 +1,9 @@
-"""The Parquet files in a result folder: the parts, and the whole table that is made of them.
+"""The Parquet files in a result folder: the parts, and the whole table made from them.
 
-The name of a part ends with the SHA-256 of the file, so each is looked through once before it is
-used, in parallel. That of the whole table is in the folder's description, with the names of the
-parts that are in it: as long as it and they are as they were written, it is read in their place.
-Rows stay in columns; no row becomes a Python object.
+The name of a part ends with the SHA-256 of the file, so each is verified once before it is used, in
+parallel. The folder's description holds the SHA-256 of the whole table, with the names of the parts
+in it. As long as these are unchanged, the table is read instead of them. Rows stay in columns; no
+row becomes a Python object.
 """
 
 from __future__ import annotations
@@ -32,30 +32,30 @@ from .campaign import Campaign, Run
 RUNS = "runs.parquet"
 PARTS = "parts"
 GROUP = 2**16
-"""Rows of the whole table that are in memory at a time when it is written."""
+"""Number of rows in memory at a time when the whole table is written."""
 AT_ONCE = 16
-"""Parts that are in memory at a time then."""
+"""Number of parts in memory at that time."""
 SAMPLE = 2048
-"""Rows that tell whether the values of a column repeat themselves."""
+"""Number of rows that show whether the values of a column repeat themselves."""
 _Item = TypeVar("_Item")
 _KEYS = ("run_id", "replicate", "point")
 _CAMPAIGN = b"sblcosim.campaign"
 """Entry of a file's metadata: the `Campaign.digest` of its runs."""
 
 Wanted = Callable[[Sequence[str]], Collection[str]]
-"""Chooses, of the names of all columns, those that are read."""
+"""Selects the columns to read from the names of all columns."""
 
 
 @dataclass(frozen=True)
 class Parts:
-    """The parts of a folder that are as they were written.
+    """The unchanged parts of a folder.
 
     Attributes
     ----------
     paths
-        Of the parts, by name.
+        Paths of the parts, by name.
     in_table
-        Names of those that are in `RUNS`; none if that is not as it was written, or has others.
+        Names of the parts in `RUNS`; empty if that has changed, or has others.
     """
 
     folder: Path
@@ -64,27 +64,27 @@ class Parts:
 
     @property
     def sources(self) -> list[Path]:
-        """The files to read: all rows are in them, those of a part once."""
+        """The files to read: they hold all rows, those of a part once."""
         rest = [path for path in self.paths if path.name not in self.in_table]
         return [self.folder / RUNS, *rest] if self.in_table else rest
 
     @property
     def is_table(self) -> bool:
-        """Whether all rows are in `RUNS`, which has them in order, each run once."""
+        """Whether all rows are in `RUNS`, which holds them in order, each run once."""
         return self.sources == [self.folder / RUNS]
 
     def added(self, paths: Iterable[Path]) -> Parts:
-        """The same with further parts."""
+        """A copy with further parts."""
         return replace(self, paths=tuple(sorted({*self.paths, *paths})))
 
 
 def looked_through(folder: Path, table: Mapping[str, Any]) -> tuple[Parts, list[Path]]:
-    """The parts of a folder, and those that are not as they were written.
+    """The unchanged parts of a folder, and the others.
 
     Parameters
     ----------
     table
-        What the folder's description says of `RUNS`: its ``sha256`` and its ``parts``.
+        Entry for `RUNS` in the folder's description: its ``sha256`` and its ``parts``.
     """
     paths = sorted(p for p in (folder / PARTS).glob("*.parquet") if not p.name.startswith("."))
     with ThreadPoolExecutor() as pool:
@@ -105,12 +105,12 @@ def _is_as(path: Path, sha256: str | None) -> bool:
 
 
 def is_intact(path: Path) -> bool:
-    """Whether a part has the hash that is in its name; False if another process took it away."""
+    """Whether a part has the hash in its name; False if another process has removed it."""
     return path.stem.rpartition("-")[2] == _sha256(path)[:32]
 
 
 def _sha256(path: Path) -> str:
-    """Hash of a file; nothing if there is none."""
+    """Hash of a file; empty if there is none."""
     try:
         with files.regular(path).open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
@@ -122,7 +122,7 @@ def _sha256(path: Path) -> str:
 
 def _unreadable(path: Path, error: Exception) -> ConfigurationError:
     return ConfigurationError(
-        f"{path}: must be a Parquet file that can be read, got {one_line(error)}"
+        f"{path}: must be a readable Parquet file, got {one_line(error)}"
     )
 
 
@@ -131,12 +131,12 @@ def _unreadable(path: Path, error: Exception) -> ConfigurationError:
 
 @dataclass(frozen=True, eq=False)
 class Finished:
-    """The finished runs of a folder, in no order; all arrays have the shape (rows,).
+    """The finished runs of a folder, in no particular order; all arrays have the shape (rows,).
 
     Attributes
     ----------
     run_id
-        As whole numbers, of which they are the hexadecimal digits.
+        Run ids as whole numbers, written in hexadecimal elsewhere.
     campaign
         Index in `campaigns` of the campaign that made the run.
     campaigns
@@ -150,15 +150,15 @@ class Finished:
     campaigns: tuple[str, ...]
 
     def __len__(self) -> int:
-        """Number of runs; one that is there twice counts once."""
+        """Number of runs; duplicates count once."""
         return int((~_again(self.run_id)).sum())
 
     def strangers(self, campaign: Campaign) -> NDArray[np.intp]:
-        """Rows that are no runs of a campaign."""
+        """Rows that are not runs of a campaign."""
         same = np.array([digest == campaign.digest for digest in self.campaigns], bool)
         point = self.point - 1
         inside = (point >= 0) & (point < len(campaign.points)) & (self.replicate > 0)
-        # What says of itself that it is of this campaign has been written so: its hash is right.
+        # A part that names this campaign was written with it: its hashes are right.
         unknown = np.flatnonzero(inside & ~same[self.campaign])
         seeds = campaign.study.run_seed
         for row in unknown:
@@ -169,8 +169,8 @@ class Finished:
 
 
 def finished(parts: Parts) -> Finished:
-    """Which runs are there."""
-    tables = [_columns(path, _keys) for path in parts.sources]  # too little for threads
+    """The runs in a folder."""
+    tables = [_columns(path, _keys) for path in parts.sources]  # too little work for threads
     origins = [(table.schema.metadata or {}).get(_CAMPAIGN, b"").decode() for table in tables]
     campaigns = tuple(dict.fromkeys(origins))
     numbers = np.array([campaigns.index(origin) for origin in origins], np.intp)
@@ -185,12 +185,12 @@ def finished(parts: Parts) -> Finished:
 
 
 def table(parts: Parts, wanted: Wanted | None = None) -> pd.DataFrame:
-    """All runs, each once, by replicate and point; at least one part must be there.
+    """All runs, each once, by replicate and point; there must be at least one part.
 
     Parameters
     ----------
     wanted
-        Chooses the columns to read.
+        Selects the columns to read.
     """
     if wanted is None or parts.is_table:
         arrow = _joined(_read(parts, wanted))
@@ -222,7 +222,7 @@ def _columns(path: Path, wanted: Wanted | None = None) -> pa.Table:
         chosen = wanted(file.schema_arrow.names)
         names = [name for name in file.schema_arrow.names if name in chosen]
     try:
-        # The parts are read side by side; the table of all runs is by itself.
+        # The parts are read side by side; the table of all runs is read alone.
         return file.read(names, use_threads=path.name == RUNS)
     except (OSError, pa.ArrowInvalid) as error:
         raise _unreadable(path, error) from None
@@ -260,7 +260,7 @@ def _run_ids(arrow: pa.Table) -> NDArray[np.uint64]:
             _, digits = chunk.buffers()
             given = digits.slice(16 * chunk.offset, 16 * len(chunk)).to_pybytes().decode("ascii")
             packed.append(np.frombuffer(bytes.fromhex(given), ">u8"))
-    except ValueError:  # pa.ArrowInvalid is one
+    except ValueError:  # includes pa.ArrowInvalid
         raise ConfigurationError(
             "run_id: must be 16 hexadecimal digits in all parts, got others"
         ) from None
@@ -268,12 +268,12 @@ def _run_ids(arrow: pa.Table) -> NDArray[np.uint64]:
 
 
 def _again(run_ids: NDArray[np.uint64]) -> NDArray[np.bool_]:
-    """Which runs have been there before."""
+    """Which runs have appeared before."""
     return pd.Index(run_ids).duplicated()
 
 
 def _order(arrow: pa.Table) -> NDArray[np.intp] | None:
-    """The rows by replicate and point, each run once; None if they are so."""
+    """The rows by replicate and point, each run once; None if they already are."""
     replicate, point = _integers(arrow, "replicate"), _integers(arrow, "point")
     again = _again(_run_ids(arrow))
     later = np.diff(replicate)
@@ -314,7 +314,7 @@ def named(runs: str, content: bytes) -> str:
 
 
 def save(parts: Parts) -> dict[str, Any]:
-    """Write the table of all runs; return what is to be said of it in the folder's description."""
+    """Write the table of all runs; returns its entry for the folder's description."""
     path = parts.folder / RUNS
     try:
         with files.unfinished(parts.folder) as hidden:
@@ -330,7 +330,7 @@ def save(parts: Parts) -> dict[str, Any]:
 
 
 def _write_table(parts: Parts, path: Path) -> None:
-    """Write all rows in order, the same bytes from whatever parts."""
+    """Write all rows in order; the bytes do not depend on the parts."""
     try:
         _write_pieces(_pieces(parts), _opened(parts.sources[0]).schema_arrow, path)
     except _UnlikeError:
@@ -341,11 +341,11 @@ def _write_table(parts: Parts, path: Path) -> None:
 
 
 class _UnlikeError(Exception):
-    """Pieces of several versions, or not in order, each run once."""
+    """Pieces from several versions, or out of order; each run once."""
 
 
 def _common(schemas: Iterable[pa.Schema]) -> pa.Schema:
-    """What fits the rows of all files."""
+    """A schema that fits the rows of all files."""
     found = list(schemas)
     schema = pa.unify_schemas(
         [one.remove_metadata() for one in found], promote_options="permissive"
@@ -361,12 +361,12 @@ def _fitted(piece: pa.Table, schema: pa.Schema) -> pa.Table:
 
 
 def _write_pieces(pieces: Iterable[pa.Table], schema: pa.Schema, path: Path) -> None:
-    """Write the rows of some pieces, or half of them and `_UnlikeError`."""
+    """Write the rows of some pieces; `_UnlikeError` may end this half-way."""
     groups = _groups(pieces, schema)
     group = next(groups)
     repeating = _repeating(group)
     last = group.slice(0, 0).select(_KEYS)
-    # Values that do not repeat themselves are noise, which cannot be made smaller.
+    # Values that do not repeat themselves are noise, which cannot be compressed.
     packing = {name: "snappy" if name in repeating else "none" for name in schema.names}
     with parquet.ParquetWriter(
         path, schema, use_dictionary=repeating, compression=packing
@@ -381,7 +381,7 @@ def _write_pieces(pieces: Iterable[pa.Table], schema: pa.Schema, path: Path) -> 
 
 
 def _pieces(parts: Parts) -> Iterator[pa.Table]:
-    """All rows as they are stored, a few of them at a time."""
+    """All rows as stored, a few at a time."""
     sources = parts.sources
     if parts.in_table:
         numbers = range(_opened(sources[0]).num_row_groups)
@@ -396,7 +396,7 @@ def _row_group(path: Path, number: int) -> pa.Table:
 def _ahead(
     read: Callable[[_Item], pa.Table], items: Iterable[_Item], count: int
 ) -> Iterator[pa.Table]:
-    """What is read of some items, of which the next ones are read meanwhile."""
+    """Items read one by one, with the next ones read in the background."""
     rest = iter(items)
     with ThreadPoolExecutor(1) as pool:  # more would wait for each other, and for the writing
         under_way = deque(pool.submit(read, item) for item in islice(rest, count))
@@ -407,7 +407,7 @@ def _ahead(
 
 
 def _groups(pieces: Iterable[pa.Table], schema: pa.Schema) -> Iterator[pa.Table]:
-    """The same rows, `GROUP` at a time, so that their bytes do not tell of the pieces."""
+    """The same rows, `GROUP` at a time, so that their bytes do not depend on the pieces."""
     some: list[pa.Table] = []
     for piece in pieces:
         if not piece.schema.equals(schema, check_metadata=True):
@@ -424,7 +424,7 @@ def _groups(pieces: Iterable[pa.Table], schema: pa.Schema) -> Iterator[pa.Table]
 
 
 def _repeating(arrow: pa.Table) -> list[str]:
-    """Columns whose values repeat themselves, which a dictionary makes small."""
+    """Columns whose values repeat themselves, which a dictionary compresses."""
     seen = arrow.slice(0, SAMPLE)
     return [name for name in seen.column_names if 2 * len(seen[name].unique()) <= len(seen)]
 
@@ -444,7 +444,7 @@ def write_file(path: Path, content: bytes, durable: bool = True) -> None:
 
 
 def refusal(path: Path, error: OSError) -> ConfigurationError:
-    """What is said of a file or folder that cannot be written."""
+    """Message about a file or folder that cannot be written."""
     return ConfigurationError(
-        f"{path}: must be writable, got {error.strerror or error}; runs that are finished are kept"
+        f"{path}: must be writable, got {error.strerror or error}; finished runs are kept"
     )

@@ -37,7 +37,7 @@ from .store import as_begun, at_work, check_folder, finished, open_folder, save
 BATCH = 2048
 """Runs per batch, rounded to whole replicates."""
 BATCH_STEPS = 200_000_000
-"""Limit on a batch of long runs [communication steps]: what a kill can cost."""
+"""Maximum size of a batch of long runs [communication steps]: what a kill can cost."""
 SAMPLE_SECONDS = 0.1
 """Minimum duration of a sample that gives a usable estimate [s]."""
 SAMPLES = 5
@@ -47,9 +47,9 @@ SIDE_BY_SIDE = 8
 MARGIN = 1.25
 """Factor by which an estimate is widened on both sides, as samples do not represent all runs."""
 ALONE = 16
-"""Runs per worker and part, if they run alone: what a kill can cost."""
+"""Runs per worker and part if they run alone: what a kill can cost."""
 KEPT_STEPS, KEPT_ALONE = 10_000_000, 4
-"""As `BATCH_STEPS` and `ALONE`, of runs whose table is no study's: about a second."""
+"""As `BATCH_STEPS` and `ALONE`, for runs outside a study's folder: about a second."""
 
 
 @interruptible
@@ -72,7 +72,7 @@ def run(
     Parameters
     ----------
     out
-        Folder of the results; if it holds runs of the same study, it is completed.
+        Folder of the results. If it holds runs of the same study, it is completed.
     workers
         Threads or processes; default: all cores.
     executor
@@ -81,7 +81,7 @@ def run(
     scheduler
         Address of a Dask scheduler, whose workers simulate instead.
     master
-        As in `sblcosim.run`; None: lanes where all components are our own.
+        See `sblcosim.run`; None: lanes if all components are our own.
     step_timeout
         Time limit for a call of a third-party FMU [s]; if it is exceeded, the run fails. None: one
         minute.
@@ -111,7 +111,7 @@ def run(
 @interruptible
 @naming_files
 def carry_out(study: Definition, out: str | Path, how: How = HOW) -> Parts:
-    """As `run`, for whoever does not need the whole table; return where it is."""
+    """As `run`, for callers that do not need the whole table; returns its location."""
     folder = resolved(out)
     campaign = prepare(as_begun(study, folder), how)
     check_folder(folder, campaign)
@@ -134,7 +134,7 @@ def _completed(
 ) -> Parts:
     """Do the missing runs, and write each part when it is finished."""
     passed = 0
-    counted: tuple[Sequence[Run], int] = (), 0  # the last part, of which much progress is reported
+    counted: tuple[Sequence[Run], int] = (), 0  # the last part, whose progress is reported often
     written: list[Path] = []
 
     def work(runs: Sequence[Run]) -> int:
@@ -159,7 +159,7 @@ def simulated(study: Definition, how: How = HOW, keep: Kept | None = None) -> pd
     Parameters
     ----------
     keep
-        Where finished runs are kept, which are not done again; None: nothing is written.
+        Place for finished runs, which are not repeated; None: nothing is written.
     """
     campaign = prepare(study, how)
     folder = None if keep is None else keep.of(campaign.digest, how.master, how.step_timeout)
@@ -170,7 +170,7 @@ def simulated(study: Definition, how: How = HOW, keep: Kept | None = None) -> pd
             some = _missing(campaign, what, how, kept_together(campaign, how))
             whole = parts.table(_completed(campaign, there, what, made, some, how))
         mine = whole[whole["replicate"] <= study.replicates].reset_index(drop=True)
-        if mine["error"].isna().all():  # as it is before it has been in a file
+        if mine["error"].isna().all():  # its type before it has been in a file
             mine["error"] = np.full(len(mine), None)
         return mine
     tables: list[pd.DataFrame] = []
@@ -189,7 +189,7 @@ def simulated(study: Definition, how: How = HOW, keep: Kept | None = None) -> pd
 
 
 def kept_together(campaign: Campaign, how: How = HOW) -> int:
-    """Runs of a single point that are done, and kept, together: what a kill can cost."""
+    """Number of runs of a single point that are done and kept together: what a kill can cost."""
     if _alone(campaign):
         return KEPT_ALONE * how.threads
     return max(SIDE_BY_SIDE * how.threads, KEPT_STEPS // max(campaign.weights.values()))
@@ -203,9 +203,9 @@ def _alone(campaign: Campaign) -> bool:
 def _missing(
     campaign: Campaign, what: Missing | None, how: How, most: int | None = None
 ) -> Iterator[list[Run]]:
-    """All runs except finished ones, in the parts that are stored together, ``most`` at a time.
+    """All runs except finished ones, in parts that are stored together, ``most`` at a time.
 
-    Without ``what`` these are all runs.
+    Without ``what``, these are all runs.
     """
     everything = campaign.study.replicates
     replicates = max(
@@ -253,12 +253,12 @@ class Missing:
 
 
 def missing(campaign: Campaign, out: str | Path, *, tell: bool = False) -> Missing:
-    """Count the runs that are missing in a result folder; nothing is written.
+    """Count the missing runs of a result folder; nothing is written.
 
     Parameters
     ----------
     tell
-        Warn about damaged parts, whose runs count as missing.
+        Whether to warn about damaged parts, whose runs count as missing.
 
     Raises
     ------
@@ -287,9 +287,9 @@ def estimate(campaign: Campaign, what: Missing, how: How = HOW) -> tuple[float, 
     """Estimate the time that the missing runs will take [s]; nothing is written.
 
     Samples of the runs are simulated several times. The first number assumes an otherwise idle
-    machine: the least processor time of the samples, shared by the workers. The second assumes that
-    the load on the machine stays the same: the upper quartile of the samples' durations. Both are
-    widened by `MARGIN`.
+    machine: the smallest processor time of the samples, shared by the workers. The second assumes
+    that the load on the machine stays the same: the upper quartile of the samples' durations. Both
+    are widened by `MARGIN`.
     """
     if not what.runs:
         return 0.0, 0.0
@@ -341,7 +341,7 @@ def _sample(campaign: Campaign, what: Missing, size: int) -> list[Run]:
     chosen: list[tuple[int, int]] = []
     for group in campaign.groups:
         places = np.array(sorted(group.places), np.intp)
-        # In a folder that is almost complete, finished runs are most: none of them is looked at.
+        # In a folder that is almost complete, most runs are finished: none of them is examined.
         gaps = np.flatnonzero(~what.done[:replicates, places])[:size]
         own = [(int(gap) // len(places) + 1, int(places[gap % len(places)])) for gap in gaps]
         after = ((n, int(p)) for n in range(len(what.done) + 1, replicates + 1) for p in places)

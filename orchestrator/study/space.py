@@ -1,21 +1,21 @@
 """Spaces: factors with distributions, and samples of them for Sobol' indices.
 
-A sample has n base rows. For k factors and the seed, each base row is k + 3 runs: one at a point A,
-one for each of the k + 1 columns with that column alone taken from another point B, and one at B
-(the radial design of A. Saltelli et al., Comput. Phys. Commun. 181, 2010, 259–270).
+A sample has n base rows. For k factors and the seed, each base row consists of k + 3 runs: one at a
+point A, one for each of the k + 1 columns with only that column taken from another point B, and one
+at B (the radial design of A. Saltelli et al., Comput. Phys. Commun. 181, 2010, 259–270).
 
-A and B are Sobol' sequences in k + 1 dimensions with a scramble each. Every column is permuted
+A and B are Sobol' sequences in k + 1 dimensions with separate scrambles. Every column is permuted
 within blocks of 16, 16, 32, 64, … rows: it has a value in each of n equal cells, and more rows
 continue a sample. Without the permutations, some columns of few rows nearly repeat others, and the
-indices are wrong beyond their intervals: of the wing weight function at 16 rows, intervals held the
-worst index in 37 % of the samples where A and B were halves of one sequence (version 1), and do in
-95 % now. Permuting costs accuracy where factors only add up: of a sum of 4 at 64 rows, the standard
-deviation of a total index was 4 % of the index, and is 18 % now.
+indices are wrong beyond their intervals. For the wing weight function at 16 rows, intervals held
+the worst index in 37 % of the samples when A and B were halves of one sequence (version 1), and in
+95 % now. Permuting costs accuracy where factors only add up: for a sum of 4 at 64 rows, the
+standard deviation of a total index was 4 % of the index, and is 18 % now.
 
-The simulator is stochastic, and the seed is a column like the others: the runs of a base row share
-the seed of A, but for the one that swaps the seed and the one at B. So the differences between two
-runs of a base row are due to the swapped column alone; with a seed for each run, the noise of both
-would count as an effect of every factor.
+The simulator is stochastic, and the seed is a column like the others. The runs of a base row share
+the seed of A, except for the run that swaps the seed and the one at B. The differences between two
+runs of a base row are therefore due to the swapped column alone. With a seed for each run, the
+noise of both would count as an effect of every factor.
 """
 
 from __future__ import annotations
@@ -39,10 +39,10 @@ if TYPE_CHECKING:
     from scipy.stats import qmc
 
 SEED_FACTOR = "seed"
-"""Name of the column of seeds, the last one that is swapped."""
+"""Name of the column of seeds, the last swapped one."""
 LEAST_BASE_ROWS, MOST_BASE_ROWS = 16, 2**20
 SampleVersion = Literal[1, 2]
-"""Of the sample: 1 has A and B from one sequence, whose columns are not permuted."""
+"""Versions of the sample: in 1, A and B are from one sequence with unpermuted columns."""
 NEWEST: SampleVersion = 2
 _CELL = 2.0**-30  # of the Sobol' sequence; values are taken in the middle of a cell
 _ENDS = np.array([_CELL / 2, 1 - _CELL / 2])
@@ -54,26 +54,26 @@ _SLACK = 1e-9  # of a step: 0.3 / 0.1 is less than 3
 
 @dataclass(frozen=True)
 class DrawnFactor:
-    """A quantity that is drawn from a distribution.
+    """A quantity drawn from a distribution.
 
     Attributes
     ----------
     low, high
-        Bounds of the keys. A distribution that leaves them is refused, so that no run fails for
-        its values; a normal or log-normal one may be truncated by its ``range``.
+        Bounds of the keys. A distribution that exceeds them is refused, so that no run fails
+        because of its values. A normal or log-normal one may be truncated by its ``range``.
     step
-        Values are rounded to its whole multiples, within the distribution and the bounds. Those at
-        the two ends of a range are half as probable as the others. A whole number gives integers.
-        The levels of a choice must be multiples.
+        Values are rounded to whole multiples of it, within the distribution and the bounds. The two
+        ends of a range are half as probable as other values. A whole number gives integers. The
+        levels of a choice must be multiples.
     names
-        The values of a key that is set by name; only a choice among them can vary it.
+        Values of a key that is set by name; only a choice among them can vary it.
     label, unit
-        For people; without a label, the name.
+        Display name and unit; without a label, the name.
 
     Raises
     ------
     ConfigurationError
-        The distribution is not as it must be; the message begins with ``factor NAME: ``.
+        The distribution is invalid; the message begins with ``factor NAME: ``.
     """
 
     name: str
@@ -90,7 +90,7 @@ class DrawnFactor:
             raise ConfigurationError(f"factor {self.name}: {problem}")
 
     def _beyond(self) -> Iterator[str]:
-        """Errors in the distribution as one of these keys."""
+        """Errors in the distribution, given these keys."""
         given = self.distribution
         if self.numeric:
             values = given.levels if given.levels is not None else given.quantiles(_ENDS)
@@ -120,7 +120,7 @@ class DrawnFactor:
 
     @property
     def numeric(self) -> bool:
-        """Whether its values are numbers (true and false are none)."""
+        """Whether its values are numbers (true and false are not)."""
         levels = self.distribution.levels
         return levels is None or is_number(levels[0])
 
@@ -137,7 +137,7 @@ class DrawnFactor:
         if self.step == round(self.step):
             return (whole * self.step).astype(np.int64)
         parts = round(1 / self.step)
-        # by a division: 300 / 1000 is 0.3, while 300 × 0.001 is not
+        # by a division: 300 / 1000 is 0.3, but 300 × 0.001 is not
         return whole / parts if math.isclose(parts * self.step, 1.0) else whole * self.step
 
 
@@ -146,7 +146,7 @@ class DrawnFactor:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Sample(Shown):
-    """The runs of a space; those of a base row follow each other.
+    """The runs of a space; the runs of a base row are consecutive.
 
     Attributes
     ----------
@@ -157,7 +157,7 @@ class Sample(Shown):
     seeds
         Seed of each run; shape (rows,).
     version
-        How it was drawn.
+        Version of the sampling.
     """
 
     factors: tuple[DrawnFactor, ...]
@@ -174,7 +174,7 @@ class Sample(Shown):
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Names of the factors, and the seed: in the order in which they are swapped."""
+        """Names of the factors, and the seed, in the order in which they are swapped."""
         return (*(factor.name for factor in self.factors), SEED_FACTOR)
 
     @property
@@ -201,8 +201,8 @@ def sample(
     base_rows
         A power of 2: only then are the points of a Sobol' sequence balanced.
     seed
-        The sequences are scrambled and permuted by it, and it is the seed of the first run; the
-        others follow: 2 n different ones.
+        Scrambles and permutes the sequences, and is the seed of the first run. The other seeds
+        follow: 2 n different ones.
     version
         1 draws the sample of studies that were begun with it.
 
@@ -245,7 +245,7 @@ def _joint(columns: int, rows: int, seed: int) -> tuple[Floats, Floats]:
 
 
 def _sequence(columns: int, rng: np.random.Generator) -> qmc.Sobol:
-    from scipy.stats import qmc  # only where something is drawn
+    from scipy.stats import qmc  # only if something is drawn
 
     return qmc.Sobol(columns, scramble=True, seed=rng)
 
@@ -256,10 +256,11 @@ def _check(factors: Sequence[DrawnFactor], base_rows: int, seed: int) -> None:
     names = [factor.name for factor in factors]
     for name in names:
         if names.count(name) > 1:
-            raise ConfigurationError(f"factor {name}: must be there once, got {names.count(name)}")
+            raise ConfigurationError(f"factor {name}: must appear once, got {names.count(name)}")
         if name == SEED_FACTOR:
             raise ConfigurationError(
-                f"factor {name}: must have another name, the seed is a factor of every space"
+                f"factor {name}: must have another name, because the seed is a factor of every "
+                "space"
             )
     whole = isinstance(base_rows, int | np.integer) and not isinstance(base_rows, bool)
     if (

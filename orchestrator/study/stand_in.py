@@ -1,13 +1,13 @@
-"""A Python function that stands in for the simulation, such as a published test function.
+"""A Python function in place of the simulation, such as a published test function.
 
-It is called once for each run, with the values of the factors by their names, and returns one
-number, or NaN where there is none::
+It is called once for each run, with the values of the factors by name, and returns one number, or
+NaN if there is none::
 
     def ishigami(x1, x2, x3, a=7.0, b=0.1):
         return sin(x1) + a * sin(x2) ** 2 + b * x3**4 * sin(x1)
 
-A function with a parameter ``seed`` is given that of the run: whatever is random in it must come
-from there. Other parameters need defaults.
+A function with a parameter ``seed`` receives the seed of the run: everything random in it must use
+this seed. Other parameters need defaults.
 """
 
 from __future__ import annotations
@@ -31,21 +31,21 @@ from .distributions import Floats
 from .space import SEED_FACTOR, Sample
 
 OneRun = tuple[Mapping[str, Any], int]
-"""Values of the factors, by their names, and the seed."""
+"""Values of the factors by name, and the seed."""
 
 
 class StandIn:
-    """A function of the user's in place of the simulation.
+    """A user's function in place of the simulation.
 
     Attributes
     ----------
     function
-        Of one run.
+        Function of one run.
     name
         The function's name.
     origin, sha256
-        ``file.py:function``, or module and name; and the hash of the file, or of the source and all
-        that it refers to.
+        ``file.py:function``, or module and name; and the hash of the file, or of the source and
+        everything that it refers to.
     """
 
     # Not a dataclass: pydantic would convert it when a study holds it.
@@ -65,7 +65,7 @@ class StandIn:
 
     @property
     def is_random(self) -> bool:
-        """Whether it is given the seed of the run."""
+        """Whether it takes the seed of the run."""
         return SEED_FACTOR in self.parameters
 
     def given(self, values: Mapping[str, Any], seed: int) -> Mapping[str, Any]:
@@ -78,7 +78,7 @@ class StandIn:
         Raises
         ------
         ConfigurationError
-            A factor is no parameter, or a parameter without a default is no factor.
+            A factor is not a parameter, or a parameter without default is not a factor.
         """
         kinds = inspect.Parameter
         known = {
@@ -103,7 +103,7 @@ class StandIn:
                 )
 
     def __call__(self, values: Mapping[str, Any], seed: int) -> float:
-        """The number of one run; NaN if there is none. One from a file is called by `values_of`.
+        """The number of one run; NaN if there is none. `values_of` calls functions from files.
 
         Raises
         ------
@@ -131,21 +131,21 @@ class StandIn:
 
 
 def model_of(source: str | Callable[..., Any], folder: Path | None = None) -> StandIn:
-    """The function that stands in for the simulation.
+    """The function in place of the simulation.
 
     Parameters
     ----------
     source
-        ``file.py:function``, known by the file and all that this imports, or a function, known by
-        its code and all that it refers to.
+        ``file.py:function``, identified by the file with all its imports, or a function, identified
+        by its code and everything it refers to.
     folder
-        That the file may be relative to; default: the current one.
+        Folder that the file may be relative to; default: the current one.
 
     Raises
     ------
     ConfigurationError
-        There is no such file or function, the file cannot be run, or a function refers to what a
-        run cannot be known by.
+        There is no such file or function, the file cannot be run, or a function refers to something
+        that cannot identify a run.
     """
     if isinstance(source, str):
         if ":" not in source:
@@ -161,8 +161,8 @@ def model_of(source: str | Callable[..., Any], folder: Path | None = None) -> St
 
 
 def stand_in_of(origin: str, sha256: str) -> StandIn:
-    """A stand-in of which only the origin and the hash are known."""
-    gone = Gone(f"model: must be at hand to do more runs, got none; it is {origin}")
+    """A stand-in of which only origin and hash are known."""
+    gone = Gone(f"model: must be available to do more runs, got none; it is {origin}")
     return StandIn(gone, origin, sha256)
 
 
@@ -185,14 +185,14 @@ def evaluate(model: StandIn, sample: Sample) -> Floats:
 def values_of(
     model: StandIn, runs: Sequence[OneRun], children: Children | None = None
 ) -> Floats:
-    """The numbers of some runs; those of a function from a file come from a child process.
+    """The numbers of some runs; a child process calls a function from a file.
 
     Parameters
     ----------
     runs
-        Values of the factors, by their names, and the seed of each.
+        Values of the factors by name, and the seed, of each run.
     children
-        Those that are asked for; None: any.
+        Child processes to use; None: any.
 
     Raises
     ------
@@ -210,7 +210,7 @@ def values_of(
 
 
 def _values(model: StandIn, runs: Sequence[OneRun]) -> Floats:
-    """The same where the function may be called."""
+    """The same, in a process that may call the function."""
     noted = watch().progress()
     found = np.empty(len(runs))
     with np.errstate(all="ignore"):
@@ -223,7 +223,7 @@ def _values(model: StandIn, runs: Sequence[OneRun]) -> Floats:
 
 
 class _Cases(Sequence[str]):
-    """What is said of each run, if it has to be."""
+    """Description of each run, if it is needed."""
 
     def __init__(self, model: StandIn, runs: Sequence[OneRun]) -> None:
         self._model, self._runs = model, runs

@@ -1,12 +1,12 @@
 """The result folder of a study.
 
 It holds ``study.json`` (the complete definition of the runs) and ``parts/``: Parquet files, each
-written as a whole, with a row per run. Runs in the parts are not repeated. When all are done,
+written as a whole, with one row per run. Runs in the parts are not repeated. When all are done,
 ``runs.parquet`` holds the whole table. `sblcosim.study.parts` reads and writes these files.
 
 The name of a part ends with the SHA-256 of the file, and ``study.json`` contains its own, so that
-damaged data are never taken for results: a damaged part is moved to ``parts/damaged/`` and its runs
-are repeated.
+damaged data are never taken for results. A damaged part is moved to ``parts/damaged/``, and its
+runs are repeated.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ STUDY = "study.json"
 DAMAGED = "damaged"
 FORMAT = 2
 IDENTITY, RULE = "identity", 3
-"""Entry of the description: the rule by which code of the user is known (1, unsaid: its source;
-2: without what 3 has, such as the order of dicts)."""
+"""Entry of the description: the rule that identifies the user's code (1 or missing: its source; 2:
+without some parts of 3, such as the order of dicts)."""
 _CODE = ("receivers", "responses", "model")
 
 
 def check_folder(folder: Path, campaign: Campaign) -> int:
-    """Check that the folder belongs to this study or is empty; return the replicates it has so far.
+    """Check that the folder belongs to this study or is empty; returns its number of replicates.
 
     Raises
     ------
@@ -77,7 +77,7 @@ def check_folder(folder: Path, campaign: Campaign) -> int:
 
 
 def as_begun(study: Space, folder: Path) -> Space:
-    """The study with the sample that its folder was begun with, if it is a space that names none.
+    """The study with the sample version of its folder, if it is a space that names none.
 
     Raises
     ------
@@ -94,29 +94,29 @@ def as_begun(study: Space, folder: Path) -> Space:
 
 
 def version_of_sample(definition: Mapping[str, Any]) -> SampleVersion:
-    """Of a space as its folder describes it; folders from before there were versions name none."""
+    """Sample version of a space according to its folder; older folders name none."""
     version: SampleVersion = definition["study"]["design"].get("sample", 1)
     return version
 
 
 def _replicates(folder: Path, campaign: Campaign) -> int:
-    """Number of replicates in a folder that has lost its `STUDY`."""
+    """Number of replicates in a folder without its `STUDY` file."""
     runs = finished(folder)
     for row in runs.strangers(campaign):
         raise ConfigurationError(
             f"{folder}: must hold results of this study, got run {int(runs.run_id[row]):016x} of "
-            "another in it"
+            "another study"
         )
     if campaign.study.rounded and set(runs.campaigns) - {campaign.digest}:
         raise ConfigurationError(
             f"{folder}: must hold results of this study, got runs whose levels may differ from its "
-            f"own beyond six digits, and no {STUDY} to tell"
+            f"own beyond six digits, and no {STUDY} to decide"
         )
     return int(runs.replicate.max(initial=0))
 
 
 def open_folder(folder: Path, campaign: Campaign) -> Parts:
-    """Make the folder, or check that it belongs to this study; return what is in it.
+    """Make the folder, or check that it belongs to this study; returns its content.
 
     Raises
     ------
@@ -142,7 +142,7 @@ def open_folder(folder: Path, campaign: Campaign) -> Parts:
 
 
 def _table_of(folder: Path) -> dict[str, Any]:
-    """What the description says of the whole table; folders of old say nothing."""
+    """Entry of the whole table in the description; missing in old folders."""
     if not (folder / STUDY).exists():
         return {}
     said: dict[str, Any] = described(folder).get("table", {})
@@ -150,7 +150,7 @@ def _table_of(folder: Path) -> dict[str, Any]:
 
 
 def save(there: Parts) -> Parts:
-    """Write the whole table, unless it is there as it was written."""
+    """Write the whole table, unless it exists unchanged."""
     if there.in_table == {path.name for path in there.paths}:
         return there
     said = parts.save(there)
@@ -172,7 +172,7 @@ def at_work(folder: Path) -> Iterator[None]:
             raise refusal(folder, error) from None
         if other:
             warnings.warn(
-                f"{folder}: should have one study at a time, got another that is at work there; "
+                f"{folder}: should have one study at a time, but another one is at work there; "
                 "the table will be right, but runs are done twice",
                 ConfigurationWarning,
                 stacklevel=2,
@@ -181,7 +181,7 @@ def at_work(folder: Path) -> Iterator[None]:
 
 
 def _difference(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
-    """Names of the parts in which what makes the runs of two definitions differs."""
+    """Names of the parts in which two definitions of runs differ."""
     parts = [
         key
         for key in now["study"]
@@ -199,9 +199,9 @@ def _difference(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
 
 
 def _identity(definition: Mapping[str, Any]) -> dict[str, Any]:
-    """What of a definition makes its runs: neither names and titles nor where files are.
+    """The part of a definition that affects its runs: without names, titles and locations of files.
 
-    Of files the hashes are in it, and in the ids of the runs.
+    The hashes of files are in it, and in the ids of the runs.
     """
     made = {
         part: {k: v for k, v in it.items() if part == "fmus" or k not in ("name", "title")}
@@ -212,7 +212,7 @@ def _identity(definition: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _unplaced(value: Any) -> Any:
-    """Plain data with the names of files in place of their paths."""
+    """Plain data with names of files instead of their paths."""
     if isinstance(value, str):
         return re.split(r"[/\\]", value)[-1]
     if isinstance(value, Mapping):
@@ -225,7 +225,7 @@ def _is_code(entry: Any) -> bool:
 
 
 def _changed_code(before: Mapping[str, Any], now: Mapping[str, Any], same_rule: bool) -> str:
-    """Which code of the user differs though it has the same name, for the end of a message."""
+    """The user's code that differs despite the same name, as the end of a message."""
     old, new = (
         {entry["from"]: entry["sha256"] for entry in _code_of(d["study"])} for d in (before, now)
     )
@@ -235,8 +235,9 @@ def _changed_code(before: Mapping[str, Any], now: Mapping[str, Any], same_rule: 
     if same_rule:
         return f"; the code of {', '.join(changed)}, or what it imports, has changed"
     return (
-        f"; the code of {', '.join(changed)} has changed, or this folder is of an earlier version "
-        "of sblcosim, which did not know code by all that it refers to"
+        f"; the code of {', '.join(changed)} has changed, or this folder is from an earlier "
+        "version "
+        "of sblcosim, which did not identify code by everything it refers to"
     )
 
 
@@ -262,7 +263,7 @@ def described(folder: Path) -> dict[str, Any]:
         raise ConfigurationError(f"{path}: must be readable, got {one_line(error)}") from None
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise ConfigurationError(
-            f"{path}: must have format {FORMAT}, got another, of another version of sblcosim"
+            f"{path}: must have format {FORMAT}, got another, from another version of sblcosim"
         )
     known = unsealed(text, content)
     if known is None:
@@ -274,10 +275,10 @@ def described(folder: Path) -> dict[str, Any]:
 
 
 def _set_aside(folder: Path) -> Parts:
-    """Move damaged parts away, and warn about each; the parts that stay."""
+    """Move damaged parts away, and warn about each; returns the others."""
     said = _table_of(folder)
     there, damaged = looked_through(folder, said)
-    _tell_of_table(there, said, "it is made of the parts again")
+    _tell_of_table(there, said, "it is made from the parts again")
     for path in damaged:
         target = path.parent / DAMAGED / path.name
         try:
@@ -285,12 +286,12 @@ def _set_aside(folder: Path) -> Parts:
             path.replace(target)
         except OSError as error:
             raise refusal(target, error) from None
-        _warn(f"{path}: {OTHER}; it is now in {DAMAGED}/, and its runs are done again")
+        _warn(f"{path}: {OTHER}; it is now in {DAMAGED}/, and its runs are repeated")
     return there
 
 
 def _tell_of_table(there: Parts, said: Mapping[str, Any], then: str) -> None:
-    """Tell of a whole table that is not the one the description names."""
+    """Warn about a whole table that is not the one in the description."""
     inside, path = {*said.get("parts", ())}, there.folder / RUNS
     all_there = bool(inside) and inside <= {part.name for part in there.paths}
     if all_there and not there.in_table and path.exists():
@@ -307,7 +308,7 @@ def finished(results: str | Path, *, tell: bool = False) -> Finished:
     Parameters
     ----------
     tell
-        Warn about damaged parts, whose runs count as missing.
+        Whether to warn about damaged parts, whose runs count as missing.
     """
     folder = Path(results)
     there, damaged = looked_through(folder, _table_of(folder))
@@ -322,7 +323,7 @@ def table(results: str | Path, wanted: Wanted | None = None) -> pd.DataFrame:
     Parameters
     ----------
     wanted
-        Chooses, of the names of all columns, those that are read; None: all.
+        Selects the columns to read from the names of all columns; None: all.
 
     Raises
     ------
@@ -339,7 +340,7 @@ def table(results: str | Path, wanted: Wanted | None = None) -> pd.DataFrame:
     }
     for path, problem in wrong.items():
         raise ConfigurationError(
-            f"{path}: {problem}; 'sblcosim study' with the same study and folder does its runs "
+            f"{path}: {problem}; 'sblcosim study' with the same study and folder repeats its runs "
             "again"
         )
     if not there.paths:

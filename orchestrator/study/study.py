@@ -141,7 +141,7 @@ def of_tables(
     responses: Sequence[str | Callable[..., Any] | Response] = (),
     receivers: Sequence[Source] = (),
 ) -> Study:
-    """As `load`, of tables whose source is called ``where`` and whose files are in a folder."""
+    """As `load`, for tables from a source called ``where`` with files relative to a folder."""
     if "choices" in raw:
         raise ConfigurationError(
             f"{where}: choices: must be factors in a study ([factors.NAME]), got choices; a "
@@ -169,7 +169,7 @@ def of_tables(
 
 
 def _checked(raw: Mapping[str, Any], where: str) -> Study:
-    """Make a study of tables, and check it."""
+    """Make a study from tables, and check it."""
     try:
         study = Study.model_validate(raw)
     except ValidationError as error:
@@ -201,7 +201,7 @@ def _checked(raw: Mapping[str, Any], where: str) -> Study:
 
 
 def _responses(given: Any, folder: Path) -> list[Any]:
-    """The given responses, with functions looked up; `problems` checks the rest."""
+    """The given responses, with functions looked up; `problems` checks all others."""
     if isinstance(given, str) or not isinstance(given, Sequence):
         raise ConfigurationError(
             f"responses: must be an array of names or functions, got {shortened(instance(given))}"
@@ -257,7 +257,7 @@ def read(
     Parameters
     ----------
     what, package
-        What it is, and which package has those that are included.
+        Kind of the file, and the package that includes files of this kind.
 
     Raises
     ------

@@ -22,13 +22,13 @@ RESERVED = (
 """Columns of the table of runs, or of tables derived from it, that are not factors."""
 LONGEST_NAME = 60  # characters of a factor's name
 RECEIVERS_KEY = "receivers"
-"""As the only key of a factor: its levels are receivers, as in `Definition.receivers`."""
+"""The only key of a factor whose levels are receivers, as in `Definition.receivers`."""
 BASE_ROWS = 256
-"""Of a space that does not say how many."""
+"""Default number of base rows of a space."""
 
 
 def array(value: Any) -> Any:
-    """A list as a tuple; what is none is refused later."""
+    """A list as a tuple; other values are refused later."""
     return tuple(value) if isinstance(value, list) else value
 
 
@@ -64,21 +64,21 @@ class FactorTable(Numbers):
     keys
         Keys of the scenario, ``table.key``; all are set to the level. Or ``receivers`` alone.
     levels
-        In the units of the keys: numbers, and in a grid texts and truth values, too. Of two levels,
-        the first is coded −1 and the second +1. Without keys: by name, the keys that a level
-        sets and their values (in a file, tables of a scenario, or the name of such a file).
+        In the units of the keys: numbers, and in a grid also texts and truth values. With two
+        levels, the first is coded −1 and the second +1. Without keys: by name, the keys that a
+        level sets and their values (in a file, tables of a scenario, or the name of such a file).
     distribution
-        Of a space: what the values are drawn from; `sblcosim.study.distributions.Distribution` says
-        what numbers each has.
+        For a space: distribution of the values; `sblcosim.study.distributions.Distribution` lists
+        its numbers.
     label, unit
         Display name, and unit shown after the levels (default: from the suffix of the keys).
     """
 
     keys: _Texts = ()
     levels: Annotated[Any, BeforeValidator(_levels)] = None
-    distribution: Kind | None = Field(default=None, description="Of the values, in a space")
+    distribution: Kind | None = Field(default=None, description="In a space: how values are drawn")
     label: str = Field(default="", description="Display name")
-    unit: str = Field(default="", description="Shown after the levels; else that of the keys")
+    unit: str = Field(default="", description="Shown after the levels; default: unit of the keys")
 
     @cached_property
     def settings(self) -> Mapping[Level, Mapping[str, Any]]:
@@ -91,8 +91,8 @@ class FactorTable(Numbers):
 
     @property
     def values(self) -> tuple[Level, ...]:
-        """The levels as they stand in tables: numbers, and names."""
-        # Of an array, twice the same level must be seen.
+        """The levels as they appear in tables: numbers, and names."""
+        # In an array, duplicate levels must be detected.
         return tuple(map(named, self.levels or ()))
 
     @property
@@ -106,14 +106,14 @@ class FactorTable(Numbers):
 
     @property
     def all_keys(self) -> tuple[str, ...]:
-        """Keys that some level sets."""
+        """Keys that any level sets."""
         if not isinstance(self.levels, Mapping):
             return self.keys
         return tuple(dict.fromkeys(key for setting in self.settings.values() for key in setting))
 
 
 def named(level: Any) -> Level:
-    """A level as it stands in tables."""
+    """A level as it appears in tables."""
     number: Level = str(level).lower() if isinstance(level, bool) else level
     return number
 
@@ -132,17 +132,17 @@ VARIED = ("factors", "conditions")
 
 
 class ConditionTable(FactorTable):
-    """Table ``[conditions.NAME]``: as a factor, but nobody's choice.
+    """Table ``[conditions.NAME]``: like a factor, but not the user's choice.
 
     Attributes
     ----------
     combine
-        What counts of the responses in the conditions: their ``average``, or the worst, for a
-        design that must hold in ``all``.
+        How responses combine over the conditions: their ``average``, or the worst, for a design
+        that must hold in ``all``.
     """
 
     combine: Literal["average", "all"] = Field(
-        default="average", description="What counts is the average of the conditions, or the worst"
+        default="average", description="Combine the conditions by their average, or by the worst"
     )
 
 
@@ -163,12 +163,12 @@ class DesignTable(Table):
     order
         Interactions up to this order must not be aliased with each other.
     points
-        Of a grid: so many combinations, drawn with the study's seed; default: all.
+        For a grid: number of combinations, drawn with the study's seed; default: all.
     base_rows
-        Of a space: a power of 2; for k factors each is k + 3 runs.
+        For a space: a power of 2; for k factors each one is k + 3 runs.
     sample
-        Of a space: version of its sample, see `sblcosim.study.space.sample`; default: that of the
-        folder of results if it has runs, else the newest.
+        For a space: version of its sample, see `sblcosim.study.space.sample`; default: that of the
+        results folder if it has runs, otherwise the newest.
     """
 
     kind: Literal["full", "fraction", "sweep", "grid", "space", "single"] = Field(
@@ -176,9 +176,9 @@ class DesignTable(Table):
         description="Two levels, all combinations or a part of them; one factor at a time; any "
         "levels, all combinations or a random part; distributions; or the scenario itself",
     )
-    generators: _Texts = Field(default=(), description="Of a fraction: C=AB")
+    generators: _Texts = Field(default=(), description="Generators of a fraction, such as C=AB")
     resolution: Annotated[int, Field(ge=3)] | None = Field(
-        default=None, description="Of a fraction"
+        default=None, description="Resolution of a fraction"
     )
     centre_points: Annotated[int, Field(ge=0, le=1000)] = Field(
         default=0, description="Number of points in the middle of all factors"
@@ -187,12 +187,12 @@ class DesignTable(Table):
         default=1, description="Interactions up to this order must not be aliased with each other"
     )
     points: Annotated[int, Field(ge=1)] | None = Field(
-        default=None, description="Of a grid: so many of its combinations, at random"
+        default=None, description="For a grid: number of combinations to draw; default: all"
     )
     base_rows: Annotated[int, Field(ge=LEAST_BASE_ROWS, le=MOST_BASE_ROWS)] | None = Field(
-        default=None, description=f"Of a space: a power of 2; default: {BASE_ROWS}"
+        default=None, description=f"For a space: a power of 2; default: {BASE_ROWS}"
     )
     sample: SampleVersion | None = Field(
         default=None,
-        description=f"Of a space: version of its sample; default: that of the folder, or {NEWEST}",
+        description=f"For a space: version of its sample; default: that of the folder, or {NEWEST}",
     )

@@ -46,8 +46,7 @@ class Watched:
     instants: Sequence[int] = ()
     begun: Begun | None = None
     parts: Sequence[mmap.mmap] = ()
-    """Mapped parts of the record. Windows frees them with their last user, so they are kept
-    here."""
+    """Mapped parts of the record. Windows frees them with their last user, so they stay here."""
     cases: Sequence[str] = ()
 
     def failure(self, s: State, seconds: float | None, what: str = "") -> FmuError:
@@ -61,8 +60,7 @@ class Watched:
             if seconds is not None:
                 what = f"made no progress for {seconds:g} s"
             error = FmuError(
-                f"{', '.join(suspects) or 'the process for FMUs from other tools'}: one of these "
-                "has "
+                f"{', '.join(suspects) or 'the process for third-party FMUs'}: one of these has "
                 f"{what}{when}"
             )
         else:
