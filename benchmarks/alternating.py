@@ -1,12 +1,12 @@
-"""Two builds in alternation, and an interval of the ratio of their times.
+"""Compare two builds in alternation, with an interval for the ratio of their times.
 
     python benchmarks/alternating.py OLD/bin/python NEW/bin/python --repeats 15 -- CODE
 
-runs CODE (a statement, or ``-m MODULE ARGUMENTS``) with both interpreters, the one that begins
-changing from pair to pair, so that a load that grows or fades meets both. What is printed is the
-ratio new/old: its median over the pairs with the 95 % interval of order statistics, and that of the
-least times. Processor time of the process and its children counts, or with --wall the time that
-passes. The other benchmarks here use its functions for what they compare.
+runs CODE (a statement, or ``-m MODULE ARGUMENTS``) with both interpreters. The one that begins
+changes from pair to pair, so that a varying load affects both. The output is the ratio new/old: its
+median over the pairs with the 95 % interval from order statistics, and the ratio of the smallest
+times. Processor time of the process and its children counts, or with --wall the elapsed
+time. The other benchmarks here use its functions for their comparisons.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ CONFIDENCE = 0.95
 
 @dataclass(frozen=True)
 class Ratio:
-    """Of the times of two things, the second over the first; interval NaN with too few pairs."""
+    """Ratio of the second time to the first; the interval is NaN with too few pairs."""
 
     median: float
     low: float
@@ -52,7 +52,8 @@ def alternated(
 
 
 def ratio(old: Sequence[float], new: Sequence[float]) -> Ratio:
-    """The ratio of paired times, with an interval that supposes nothing of their distribution."""
+    """The ratio of paired times, with an interval that makes no assumption about their
+    distribution."""
     ratios = sorted(b / a for a, b in zip(old, new, strict=True))
     n = len(ratios)
     # The largest k for which the k-th smallest and largest hold the median with the confidence.
@@ -100,7 +101,7 @@ def main() -> None:
     parser.add_argument("old", help="interpreter of the build before")
     parser.add_argument("new", help="interpreter of the build after")
     parser.add_argument("--repeats", type=int, default=15, help="pairs")
-    parser.add_argument("--wall", action="store_true", help="the time that passes")
+    parser.add_argument("--wall", action="store_true", help="measure elapsed time")
     parser.add_argument("code", nargs="+", help="a statement, or -m MODULE ARGUMENTS, after --")
     asked = parser.parse_args()
     code = asked.code if asked.code[0] == "-m" else ["-c", *asked.code]

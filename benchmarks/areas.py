@@ -1,8 +1,8 @@
 """Maps of an area: wall and processor time of 3,600 cells of 20 runs of 60 s, part by part.
 
 ``realistic-dive`` with `coupled`, at T = 1 s and T = 0.1 s, without and with a requirement (a
-second round of runs), and the figures; what is possible beside the same on NumPy, on one thread.
-Run by hand: ``python benchmarks/areas.py [--quick]``.
+second round of runs), and the figures. Also what is possible, compared with the same on NumPy, on
+one thread. Run by hand: ``python benchmarks/areas.py [--quick]``.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def timed(what: str, function: Callable[[], Any]) -> Any:
 
 
 def compared(moving: Any, circle: Any, grid: Any) -> None:
-    """The recursion of all cells in C and on NumPy, and by how much they differ."""
+    """The recursion of all cells in C and on NumPy, and their difference."""
     span_s = (20.0, 60.0)
     model = model_of(moving, 0.0)
     epochs = places.epochs_of(moving, model, span_s[1])

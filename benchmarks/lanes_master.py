@@ -1,6 +1,6 @@
-"""The lanes master: ns per step and run, beside NumPy and Octave scripts that do the same.
+"""The lanes master: ns per step and run, compared with equivalent NumPy and Octave scripts.
 
-All simulate the paper's Scenario 1 in `paper-literal` at T = 0.1 s on one core; then the paper's
+All simulate the paper's Scenario 1 with `paper-literal` at T = 0.1 s on one core. Then the paper's
 whole study (three scenarios, 128 points, 50 replicates) runs on one and on two threads. Run by
 hand: ``python benchmarks/lanes_master.py [--quick] [--no-octave]``.
 """
@@ -17,7 +17,7 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
-os.environ.setdefault("OMP_NUM_THREADS", "1")  # one core for the competitors, too
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # one core for the competitors too
 
 import numpy as np
 import sblcosim
@@ -36,12 +36,12 @@ FACTORS = list(
 )
 """Table 3 without the sampling time: baseline, GPS, IMU, depth sensor, range, packet loss."""
 BATCH = 50
-"""Replicates at a time."""
+"""Number of replicates at a time."""
 PRIOR = [Connection("target.position", "ekf.prior_position")]
 
 
 def plan_of(scenario: int, sampling_time: float, *, raw: bool = False) -> Plan:
-    """A scenario of the paper, its EKF only, or with the raw fix beside it."""
+    """A scenario of the paper, with only its EKF, or also with the raw fix."""
     loaded = sblcosim.load(f"paper-scenario-{scenario}", {"time.sampling_time_s": sampling_time})
     system = connect(loaded, "ekf")
     if raw:
@@ -81,8 +81,8 @@ OWN = "the scenario's own values"
 def one_core(repeats: int) -> dict[str, list[float]]:
     """Times [ns] per step and run for each number of lanes, one thread.
 
-    Then with the most lanes and only the seeds different: as it is, with the percentiles of the
-    errors, and with the raw fix beside the filter. (Studies leave it out.)
+    Then with the largest number of lanes and only the seeds different: unchanged, with the
+    percentiles of the errors, and with the raw fix next to the filter. (Studies leave it out.)
     """
     plan = plan_of(1, 0.1)
     given = variations(FACTORS, 8)
@@ -100,7 +100,7 @@ def one_core(repeats: int) -> dict[str, list[float]]:
             try:
                 lanes.execute(plan, given, handovers=PRIOR, lanes=number, threads=1)
             except sblcosim.FmuError:
-                continue  # this processor does not do so many
+                continue  # this processor does not support that many
             seconds = time.perf_counter() - started
             figures.setdefault(f"lanes, {number}", []).append(seconds / steps * 1e9)
         for name, (other, options) in [*beside.items()][:: -1 if turn % 2 else 1]:
@@ -112,13 +112,13 @@ def one_core(repeats: int) -> dict[str, list[float]]:
 
 
 def study(replicates: int, threads: int) -> tuple[float, int, list[float]]:
-    """Seconds for the paper's three studies, steps in them, and mean RMS total error of each."""
+    """Seconds for the paper's three studies, their steps, and the mean RMS total error of each."""
     seconds, steps, means = 0.0, 0, []
     for scenario in (1, 2, 3):
         total, runs = 0.0, 0
         for sampling_time in (0.1, 1.0):
             plan = plan_of(scenario, sampling_time)
-            # In batches, as a campaign does it: memory does not grow with the replicates.
+            # In batches, as in a campaign: memory does not grow with the replicates.
             for _ in range(0, replicates, BATCH):
                 given = variations(FACTORS, min(BATCH, replicates), runs)
                 started = time.perf_counter()

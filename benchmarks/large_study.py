@@ -1,13 +1,12 @@
-"""A study of a million runs: seconds and peak memory to carry it out, resume it and analyse it.
+"""A study of a million runs: seconds and peak memory to execute it, resume it and analyse it.
 
-The paper's seven factors at two levels, 128 points × 7,813 replicates, of 5 s of its Scenario 1
-with one receiver. Commands run one after the other, each in a process of its own; the memory is the
-largest that is resident, with that of the processes it starts one by one. A folder of a study that
-is there already is completed. Run by hand:
-``python benchmarks/large_study.py [--replicates N] [--folder DIR]``.
+The paper's seven factors at two levels, 128 points × 7,813 replicates, with 5 s of its Scenario 1
+and one receiver. Commands run one after another, each in its own process. The memory is the peak
+resident size, including processes that it starts one by one. An existing folder of a study is
+completed. Run by hand: ``python benchmarks/large_study.py [--replicates N] [--folder DIR]``.
 
-Seconds of processors and MiB on two cores that were shared with other work, before and since runs
-are read by columns and analysed by points:
+Processor seconds and MiB on two cores shared with other work, before and after runs were read by
+columns and analysed by points:
 
 ==================================  ============  ============
 study, what is missing              25.7 s  1333  27.0 s   580
@@ -18,7 +17,7 @@ analyse                             76.2 s  2083   7.3 s   562
 analyse --transform log             32.8 s  1710   6.1 s   579
 ==================================  ============  ============
 
-Of these, a study of as many points and few runs takes some 2 s, its analysis 4 to 5 s.
+A study with as many points and few runs takes some 2 s of these, its analysis 4 to 5 s.
 """
 
 from __future__ import annotations
@@ -41,9 +40,9 @@ REPLICATES = 7813
 SECONDS = 5.0
 """Length of a run."""
 LEFT = 3
-"""Parts that an almost finished study lacks."""
+"""Number of parts that an almost finished study lacks."""
 PAIRS = 6
-"""Dry runs and carryings-on of it, in alternation."""
+"""Number of dry runs and continuations of it, in alternation."""
 
 
 def described(replicates: int) -> str:
@@ -57,7 +56,7 @@ def described(replicates: int) -> str:
 
 
 def measured(what: str, *arguments: str) -> float:
-    """Run a command, and print its wall time and peak memory; its time of processors [s]."""
+    """Run a command, and print its wall time and peak memory; returns its processor time [s]."""
     started = time.perf_counter()
     command = [sys.executable, "-m", "sblcosim", *arguments]
     child = os.posix_spawn(
@@ -91,7 +90,7 @@ def main() -> None:
     number = len([*(runs / "parts").glob("*.parquet")])
 
     def almost(what: str, *options: str) -> float:
-        """Let it lack some parts first, unless a dry run has left it so."""
+        """Remove some parts first, unless a dry run has left them missing."""
         for path in sorted((runs / "parts").glob("*.parquet"))[number - LEFT :]:
             path.unlink()
         return measured(what, *study, *options)

@@ -1,12 +1,12 @@
-"""Time per step of the native master, beside the Python master, bare FMPy calls and libcosim.
+"""Time per step of the native master, compared with the Python master, bare FMPy and libcosim.
 
-All run target, platform, acoustics and ekf, every component stepped every 0.1 s, with the same
-connections. The estimate is recorded (libcosim records nothing: it has no observers). The time is
-that of the whole system for one step, of whatever the FMUs do in it, too; starting is left out: the
+All run target, platform, acoustics and ekf, with the same connections and every component stepped
+every 0.1 s. The estimate is recorded (libcosim records nothing: it has no observers). The time is
+that of the whole system for one step, including the work inside the FMUs. Starting is left out: the
 masters' figures are the difference between a long and a short run. ``the loop alone`` is the native
-master with functions in place of the FMUs' that do nothing.
+master with functions that do nothing instead of the FMUs'.
 
-Run by hand: ``python benchmarks/native_master.py``; libcosim takes part in FMI 2 if it is there
+Run by hand: ``python benchmarks/native_master.py``; libcosim takes part in FMI 2 if installed
 (``pip install libcosimpy``).
 """
 
@@ -47,7 +47,7 @@ int nothing(void) { return 0; }
 """
 
 Benchmark = Callable[[int], float]
-"""Seconds for so many steps."""
+"""Function from a number of steps to seconds."""
 
 
 def plan(fmi: int, steps: int) -> Plan:

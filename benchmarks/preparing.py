@@ -1,12 +1,11 @@
-"""What a study costs before its first step: this build and another, in alternation.
+"""Cost of a study before its first step: this build and another, in alternation.
 
-Prints processor time per point of the paper's studies for both, and an interval of the ratio (as
-`alternating.py`). Processor time still depends on what else the machine does; the ratio much less.
-Run by hand:
-``python benchmarks/preparing.py OTHER_PYTHON [--rounds 7]``, where OTHER_PYTHON is that of an
-environment with the other build.
+Prints processor time per point of the paper's studies for both, and an interval for the ratio (see
+`alternating.py`). Processor time still depends on other work of the machine; the ratio much less.
+Run by hand: ``python benchmarks/preparing.py OTHER_PYTHON [--rounds 7]``, where OTHER_PYTHON
+belongs to an environment with the other build.
 
-Against the build before points shared anything, on two cores that were shared with other work:
+Compared with the build before points shared anything, on two cores shared with other work:
 
 ================  ==============  =============  =================
 study             before [ms]     now [ms]       ratio
@@ -15,8 +14,8 @@ paper-scenario-1  2.8             0.36           0.12 (0.12-0.16)
 ranges-1          4.2             0.52           0.12 (five pairs)
 ================  ==============  =============  =================
 
-All simulations of ``sblcosim paper``, in one thread: 39.8 and 10.8 s of processor time (the median
-of three, 0.27), of which 30.7 and 3.9 s go before the first step, and most of the rest into the
+All simulations of ``sblcosim paper``, in one thread: 39.8 and 10.8 s of processor time (median of
+three, 0.27), of which 30.7 and 3.9 s are before the first step, and most of the rest is in the
 steps themselves.
 """
 

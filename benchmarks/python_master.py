@@ -1,8 +1,8 @@
-"""Time per step of the Python master, beside the same loop written with FMPy's own methods.
+"""Time per step of the Python master, compared with the same loop written with FMPy's methods.
 
-Both run target, platform, acoustics and ekf, every component stepped every 0.1 s, all connected
-inputs set and all outputs read and kept at each step. Initialisation is left out of both: the
-master's figure is the difference between a long and a short run.
+Both run target, platform, acoustics and ekf, with every component stepped every 0.1 s, all
+connected inputs set and all outputs read and kept at each step. Initialisation is left out of both:
+the master's figure is the difference between a long and a short run.
 
 Run by hand: ``python benchmarks/python_master.py``
 """
@@ -57,7 +57,7 @@ def master(fmi: int, steps: int) -> float:
 
 
 class Bare:
-    """The same, the way one writes it with FMPy; reads all outputs or the wanted ones."""
+    """The same, as written by hand with FMPy; reads all outputs or only the wanted ones."""
 
     def __init__(self, fmi: int, folder: Path, wanted: Collection[str] | None = None) -> None:
         self.fmi = fmi

@@ -1,10 +1,10 @@
-"""What an update of each receiver costs: ns per packet and run in lanes, code and state.
+"""Cost of an update of each receiver: ns per packet and run in lanes, code and state.
 
-A run of the paper's Scenario 1 at T = 0.1 s without loss, its start excluded, with a receiver less
-the same without any; least of several, on one core. Code is that of the equations and the engine
-for one lane, for a Cortex-M7 (zig) and for this machine, state is the memory of an instance. Then
-what the raw fix costs beside a filter: a step of a whole run in eight lanes with it and without it,
-in turn, ten times: the least, and the ratio with its interval. Run by hand:
+A run of the paper's Scenario 1 at T = 0.1 s without loss and without its start, with a receiver,
+minus the same without any; the smallest of several, on one core. Code is that of the equations and
+the engine for one lane, for a Cortex-M7 (zig) and for this machine. State is the memory of an
+instance. Then the cost of the raw fix next to a filter: a step of a whole run in eight lanes with
+and without it, in turn, ten times: the smallest time, and the ratio with its interval. Run by hand:
 ``python benchmarks/receivers.py [--quick]``.
 """
 
@@ -43,7 +43,7 @@ FREESTANDING = {"string.h": b"""#include <stddef.h>
 
 
 def plan_of(receiver: str | None, duration_s: float, raw: bool = False) -> Plan:
-    """Scenario 1 with one receiver, or with none at all; with the raw fix, or without it."""
+    """Scenario 1 with one receiver, or with none; with or without the raw fix."""
     scenario = sblcosim.load("paper-scenario-1", {"time.duration_s": duration_s})
     system = connect(scenario, receiver or "ekf")
     dropped = {"raw"} if receiver not in (None, "multilateration") and not raw else set()
@@ -66,7 +66,8 @@ def seconds(plan: Plan, number: int, runs: int) -> float:
 
 
 def cost(receiver: str, number: int, runs: int, repeats: int) -> float:
-    """ns per packet and run: the difference of a long and a short run, less that without it."""
+    """ns per packet and run: a long run minus a short one, minus that difference without a
+    receiver."""
     plans = {
         (name, end): plan_of(name, end)
         for name in (receiver, None) for end in (SETTLED_S, SETTLED_S + 60.0)
@@ -82,7 +83,7 @@ def cost(receiver: str, number: int, runs: int, repeats: int) -> float:
 
 
 def beside_a_filter(runs: int) -> tuple[float, float, Ratio]:
-    """Least ns per step and run without the raw fix and with it, and the ratio."""
+    """Smallest ns per step and run without the raw fix and with it, and the ratio."""
     plans = [plan_of("ekf", 60.0, raw) for raw in (False, True)]
     both = [of_call(partial(seconds, plan, 8, runs)) for plan in plans]
     for call in both:  # builds

@@ -1,4 +1,4 @@
-"""Run the whole system as a single FMU, here in FMPy; any importer of FMI 2 does.
+"""Run the whole system as a single FMU, here in FMPy; any importer of FMI 2 can do this.
 
     pip install fmpy fmu-manipulation-toolbox
     sblcosim export fmu paper-scenario-1
@@ -33,7 +33,7 @@ def estimates(fmu):
         stop_time=float(experiment.stopTime),
         output_interval=float(experiment.stepSize),
         output=[counts[0], *names],
-        logger=lambda *message: None,  # the container talks, even if nothing is wrong
+        logger=lambda *message: None,  # the container logs even if nothing is wrong
     )
     found, count = [], 0
     for row in rows:

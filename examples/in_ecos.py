@@ -19,7 +19,7 @@ except (ImportError, OSError) as error:
 
 
 def structure_of(package):
-    """Return the XML that says what is in the package, and the name of its (first) receiver."""
+    """Return the XML that describes the package, and the name of its (first) receiver."""
     try:
         with zipfile.ZipFile(package) as archive:
             structure = ElementTree.fromstring(archive.read("SystemStructure.ssd"))

@@ -1,10 +1,10 @@
-"""Run the system in FMPy, FMU by FMU, in a loop of one's own.
+"""Run the system in FMPy, FMU by FMU, in your own loop.
 
     pip install fmpy
     sblcosim export ssp paper-scenario-1 --bake
     python examples/in_fmpy.py paper-scenario-1-baked.ssp
 
-An SSP package is a ZIP archive with the FMUs and their connections in it. These FMUs are baked:
+An SSP package is a ZIP archive that holds the FMUs and their connections. These FMUs are baked:
 they start with the scenario's numbers, so there is nothing to set. Prints the epoch of each
 estimate and the position: north, east, down.
 """
@@ -24,7 +24,7 @@ except ImportError:
 
 
 def structure_of(package):
-    """Return the XML that says what is in the package, and the name of its (first) receiver."""
+    """Return the XML that describes the package, and the name of its (first) receiver."""
     try:
         with zipfile.ZipFile(package) as archive:
             structure = ElementTree.fromstring(archive.read("SystemStructure.ssd"))
@@ -39,8 +39,8 @@ def structure_of(package):
 def estimates(package, gauss_seidel=False):
     """Return (epoch, north, east, down) of each estimate.
 
-    With `gauss_seidel`, each FMU gets what the FMUs before it have just computed. That is another
-    kind of master, and it gives other numbers: see docs/howto/other-tools.md.
+    With `gauss_seidel`, each FMU gets what the FMUs before it have just computed. This is a
+    different kind of master, and it gives different numbers: see docs/howto/other-tools.md.
     """
     structure, receiver = structure_of(package)
     if structure.find(".//{*}ParameterBinding") is not None:

@@ -4,8 +4,8 @@
     sblcosim export ssp paper-scenario-1 --bake
     python examples/in_fmpy_ssp.py paper-scenario-1-baked.ssp
 
-FMPy does not look at the package's parameter sets: it must be baked. Prints the epoch of each
-estimate and the position: north, east, down.
+FMPy ignores the package's parameter sets, so it must be baked. Prints the epoch of each estimate
+and the position: north, east, down.
 """
 
 import sys
@@ -19,7 +19,7 @@ except ImportError:
 
 
 def structure_of(package):
-    """Return the XML that says what is in the package, and the name of its (first) receiver."""
+    """Return the XML that describes the package, and the name of its (first) receiver."""
     try:
         with zipfile.ZipFile(package) as archive:
             structure = ElementTree.fromstring(archive.read("SystemStructure.ssd"))

@@ -4,8 +4,8 @@
     sblcosim export ssp paper-scenario-1
     python examples/in_omsimulator.py paper-scenario-1.ssp
 
-OMSimulator in Python does not look at the step size in the package, so it is set here. Prints the
-epoch of each estimate and the position: north, east, down.
+OMSimulator in Python ignores the step size in the package, so it is set here. Prints the epoch of
+each estimate and the position: north, east, down.
 """
 
 import os
@@ -20,7 +20,7 @@ except (ImportError, OSError) as error:
 
 
 def structure_of(package):
-    """Return the XML that says what is in the package, and the name of its (first) receiver."""
+    """Return the XML that describes the package, and the name of its (first) receiver."""
     try:
         with zipfile.ZipFile(package) as archive:
             structure = ElementTree.fromstring(archive.read("SystemStructure.ssd"))
@@ -59,6 +59,6 @@ if __name__ == "__main__":
     if len(sys.argv) != 2:
         sys.exit("usage: python examples/in_omsimulator.py PACKAGE.ssp")
     with os.fdopen(os.dup(1), "w") as output:
-        os.dup2(2, 1)  # OMSimulator's messages would stand among the estimates
+        os.dup2(2, 1)  # otherwise OMSimulator's messages would mix with the estimates
         for estimate in estimates(sys.argv[1]):
             print(*estimate, file=output)

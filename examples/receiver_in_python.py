@@ -5,11 +5,11 @@
     sblcosim check LinearFix.fmu
     sblcosim run paper-scenario-1 --receiver ekf --receiver LinearFix.fmu
 
-The circles around four beacons, at the depth of the sensor, differ by straight lines; their least
-squares intersection is the position. The same as receiver_in_c.
+The circles around four beacons, at the sensor's depth, differ by straight lines. Their
+least-squares intersection is the position. The same as receiver_in_c.
 
-An FMU of PythonFMU is loaded inside a Python process only (FMPy, the masters of sblcosim); other
-programs on Linux cannot load it.
+An FMU of PythonFMU can only be loaded inside a Python process (FMPy, the masters of sblcosim).
+Other programs on Linux cannot load it.
 """
 
 import numpy as np
@@ -21,7 +21,7 @@ class LinearFix(Fmi2Slave):
 
     def __init__(self, **kwargs):
         super().__init__(**kwargs)
-        # Ports have the names of `sblcosim check`; arrays are scalars name[i] and name[i,j].
+        # Ports have the names listed by `sblcosim check`; arrays are scalars name[i] and name[i,j].
         self.values = {
             "range": np.zeros(4),
             "range_epoch": np.zeros(4),

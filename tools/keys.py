@@ -3,7 +3,7 @@
     python tools/keys.py
 
 They come from the tables of `sblcosim.scenario`, and so from the declarations of the components. A
-test compares the file with what this makes.
+test checks that the file is current.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def text() -> str:
 
 
 def _keys() -> Iterator[tuple[str, str]]:
-    """All keys and their types, as Python writes them."""
+    """All keys and their types, in Python's notation."""
     for name, field in Scenario.model_fields.items():
         table = field.annotation
         if not (isinstance(table, type) and issubclass(table, BaseModel)):
@@ -54,7 +54,7 @@ def _keys() -> Iterator[tuple[str, str]]:
 
 
 def _kind(annotation: Any, shape: tuple[int, ...] = ()) -> str:
-    """A type as Python writes it, None left out; an array of two dimensions is given by rows."""
+    """A type in Python's notation, without None; a two-dimensional array is given by rows."""
     origin, inner = get_origin(annotation), get_args(annotation)
     if origin is Annotated:
         return _kind(inner[0], shape)

@@ -1,13 +1,13 @@
-"""Change a source file a little, many times, and say which changes no test notices.
+"""Make many small changes to a source file, and list those that no test notices.
 
     python tools/mutate.py orchestrator/study/store.py --seed 7 --count 20 \\
         --tests 'tests/unit/orchestrator/test_store.py'
 
-Each mutation is made alone, in a copy of this tree, and the tests run until one fails. What
-survives is printed as a diff with its number; ``--number 12`` makes that mutation again. Kinds: a
-sign, a comparison, a term or factor dropped, a factor of two, an index one further, a check
-removed, a unit (a factor of time, length or angle). C files need ``--build``, a command that fails
-if the file does not compile, e.g.
+Each mutation is made alone, in a copy of this tree, and the tests run until one fails. Survivors
+are printed as a diff with their number; ``--number 12`` repeats that mutation. Kinds: a sign, a
+comparison, a dropped term or factor, a factor of two, an index increased by one, a removed check, a
+unit (a factor of time, length or angle). C files need ``--build``, a command that fails if the file
+does not compile, for example
 ``--build 'python -c "from sblcosim.fmus.build import factory; factory.build(\\"ekf\\")"'``.
 """
 
@@ -52,7 +52,7 @@ CHECKS = re.compile(r"(^|[._])(check|refuse|require|validate|verify|ensure|raise
 
 @dataclass(frozen=True)
 class Mutation:
-    """A part of a text, by its characters, and what stands there instead."""
+    """A part of a text, by its characters, and its replacement."""
 
     kind: str
     start: int
@@ -72,7 +72,7 @@ def mutations(source: str, suffix: str) -> list[Mutation]:
     source
         Content of the file.
     suffix
-        Of its name: ``.py``, or ``.c`` and ``.h``, of which nothing is compiled here.
+        Suffix of its name: ``.py``, or ``.c`` and ``.h``, which are not compiled here.
     """
     if suffix == ".py":
         known = ast.dump(ast.parse(source))
@@ -83,7 +83,7 @@ def mutations(source: str, suffix: str) -> list[Mutation]:
 
 
 def _dump(source: str) -> str | None:
-    """Of a text that does not compile, that of no change."""
+    """The mutations of a text; none if it does not compile."""
     try:
         tree = ast.parse(source)
         compile(tree, "mutated", "exec", dont_inherit=True)
@@ -118,7 +118,7 @@ class _Python:
                     yield from self._below(child)
 
     def _is_silent(self, node: ast.AST) -> bool:
-        """Whether it is a message, or else nothing that a test could notice."""
+        """Whether it is a message, or something else that no test could notice."""
         if isinstance(node, ast.Raise | ast.JoinedStr | ast.Import | ast.ImportFrom):
             return True
         if isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING"):
@@ -195,7 +195,7 @@ class _Python:
             yield self._whole("factor", node, f"(2 * {text})")
 
     def _swap(self, kind: str, start: int, end: int, old: str, new: str) -> Iterator[Mutation]:
-        """Between two expressions stand their operator, brackets, spaces and comments."""
+        """Between two expressions are their operator, brackets, spaces and comments."""
         between = re.sub(r"#.*", lambda m: " " * len(m[0]), self.source[start:end])
         pattern = r"\s+".join(map(re.escape, old.split()))
         found = re.search(pattern, between)
@@ -312,14 +312,14 @@ def _of_c(source: str) -> Iterator[Mutation]:
 
 
 def _declares(tokens: Sequence[_Token], i: int) -> bool:
-    """Whether what stands before a name makes it a declaration."""
+    """Whether the text before a name makes it a declaration."""
     while i > 0 and tokens[i].text == "*":
         i -= 1
     return i >= 0 and tokens[i].kind == "name" and tokens[i].text not in {"return", "sizeof"}
 
 
 def _operand(tokens: Sequence[_Token], i: int, products: bool) -> int | None:
-    """Place of the last token of what an operator works on from the right."""
+    """Index of the last token of an operator's right operand."""
     while i < len(tokens) and tokens[i].text in {"-", "+", "!", "*", "&"}:
         i += 1
     if i >= len(tokens) or not (tokens[i].kind in {"name", "number"} or tokens[i].text == "("):
@@ -348,7 +348,7 @@ def _operand(tokens: Sequence[_Token], i: int, products: bool) -> int | None:
 
 
 def _until(tokens: Sequence[_Token], i: int, ends: set[str]) -> int | None:
-    """Place of the first of some tokens outside brackets that are opened on the way."""
+    """Index of the first of some tokens, outside brackets opened on the way."""
     depth = 0
     for place in range(i, len(tokens)):
         text = tokens[place].text
@@ -366,7 +366,7 @@ def _until(tokens: Sequence[_Token], i: int, ends: set[str]) -> int | None:
 def chosen(
     count: int, known: Sequence[Mutation], seed: int, kinds: Sequence[str] = KINDS
 ) -> list[int]:
-    """Numbers of some mutations, of all kinds as evenly as they are there."""
+    """Numbers of some mutations, spread over the kinds as evenly as possible."""
     generator = random.Random(seed)
     heaps = [[n for n, m in enumerate(known) if m.kind == kind] for kind in kinds]
     for heap in heaps:
@@ -384,9 +384,9 @@ class Bench:
     Attributes
     ----------
     folder
-        Has the copy in ``tree``.
+        Holds the copy in ``tree``.
     limit
-        Seconds that the tests may take.
+        Time limit of the tests in seconds.
     """
 
     folder: Path
@@ -399,7 +399,7 @@ class Bench:
         return self.folder / "tree"
 
     def outcome(self) -> str:
-        """What the tests say of the tree as it is: passed, killed, slow, or does not build."""
+        """Result of the tests for the current tree: passed, killed, slow, or does not build."""
         if self.build and self._run(self.build) != 0:
             return "does not build"
         code = self._run([sys.executable, "-m", "pytest", "-x", "-q", *self.tests])
@@ -418,12 +418,12 @@ class Bench:
             return None
         finally:
             with contextlib.suppress(ProcessLookupError):
-                os.killpg(process.pid, signal.SIGKILL)  # and what it has left behind
+                os.killpg(process.pid, signal.SIGKILL)  # including what it has left behind
             process.wait()
 
     @property
     def _environment(self) -> dict[str, str]:
-        """That of processes that import what is in the copy, however it is installed."""
+        """Environment for processes that import from the copy, however it is installed."""
         places = (self.folder / "site", self.tree, self.tree / "src")
         return os.environ | {
             "PYTHONPATH": os.pathsep.join(map(str, places)),
@@ -457,13 +457,13 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("file", help="to be changed, from the root of the tree")
+    parser.add_argument("file", help="file to change, from the root of the tree")
     parser.add_argument("--tests", required=True, help="arguments for pytest")
-    parser.add_argument("--seed", type=int, default=1, help="of the choice")
-    parser.add_argument("--count", type=int, default=20, help="how many mutations")
-    parser.add_argument("--number", type=int, action="append", help="this one; may be repeated")
+    parser.add_argument("--seed", type=int, default=1, help="seed of the choice")
+    parser.add_argument("--count", type=int, default=20, help="number of mutations")
+    parser.add_argument("--number", type=int, action="append", help="only this; may be repeated")
     parser.add_argument("--kind", choices=KINDS, action="append", help="only these")
-    parser.add_argument("--build", default="", help="command that fails on what does not compile")
+    parser.add_argument("--build", default="", help="command that fails if it does not compile")
     parser.add_argument("--limit", type=float, help="seconds [ten times what the tests take]")
     parser.add_argument("--root", type=Path, default=ROOT, help="the tree [this one]")
     given = parser.parse_args()
@@ -496,7 +496,7 @@ def main() -> int:
 
 
 def difference(name: str, before: str, after: str) -> str:
-    """As a unified diff."""
+    """The mutation as a unified diff."""
     lines = difflib.unified_diff(
         before.splitlines(), after.splitlines(), f"a/{name}", f"b/{name}", lineterm="", n=1
     )

@@ -1,10 +1,10 @@
-"""Make the wheels of a release: they bring FMUs and drivers ready-made.
+"""Make the wheels of a release, which include ready-made FMUs and drivers.
 
     python tools/release.py --out dist
 
-There is one wheel per platform, because the drivers and the bound are for one; the FMUs in each are
-for all. Who
-installs such a wheel needs neither a compiler nor CasADi, unless they change a model.
+There is one wheel per platform, because the drivers and the bound are specific to it; the FMUs in
+each wheel are for all platforms. Installing such a wheel needs neither a compiler nor CasADi,
+unless a model is changed.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ TAGS = {
     "x86_64-darwin": "macosx_11_0_x86_64",
     "aarch64-darwin": "macosx_11_0_arm64",
 }
-"""What wheels call the platforms; the versions are those of `ZIG_TARGETS`."""
+"""Platform tags of wheels; the versions are those of `ZIG_TARGETS`."""
 
 
 def fmus(all_platforms: bool = True, versions: Iterable[int] = (2, 3)) -> dict[str, Path]:
-    """All our FMUs, built, by their places among the ready-made files."""
+    """All our FMUs, built, by their place among the ready-made files."""
     made: list[tuple[str, dict[str, int]]] = [(name, {}) for name in COMPONENTS]
     made += [("target", {TRACK_POINTS.name: points}) for points in CAPACITIES[1:]]
     return {
@@ -50,12 +50,12 @@ def fmus(all_platforms: bool = True, versions: Iterable[int] = (2, 3)) -> dict[s
 
 
 def wheel(out: Path, cc: compiler.Compiler, ready: Mapping[str, Path]) -> None:
-    """Write the wheel for what a compiler compiles for.
+    """Write the wheel for a compiler's platform.
 
     Parameters
     ----------
     ready
-        Files that come along beside the drivers, by their places.
+        Files to include besides the drivers, by their place.
     """
     made = dict(ready)
     for driver in (native.DRIVER, lanes_driver.DRIVER):
@@ -83,11 +83,11 @@ def wheel(out: Path, cc: compiler.Compiler, ready: Mapping[str, Path]) -> None:
 
 
 def main() -> None:
-    """Make all wheels, or those that are asked for."""
+    """Make all wheels, or the requested ones."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--out", type=Path, default=Path("dist"), help="folder for the wheels")
     parser.add_argument(
-        "--platform", action="append", choices=PLATFORMS, help="may be repeated; none: all"
+        "--platform", action="append", choices=PLATFORMS, help="may be repeated; default: all"
     )
     arguments = parser.parse_args()
     ready = fmus()

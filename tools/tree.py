@@ -10,9 +10,9 @@ ROOT = Path(__file__).parents[1]
 
 
 def copy(root: Path, to: Path) -> None:
-    """Copy the files that git knows, and new ones that it does not ignore, as they are now.
+    """Copy the files that git tracks, and new ones that it does not ignore, as they are now.
 
-    Where there is no repository, all files are copied.
+    Without a repository, all files are copied.
     """
     if not (root / ".git").exists():
         shutil.copytree(root, to, ignore=shutil.ignore_patterns("__pycache__", ".*_cache"))

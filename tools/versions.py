@@ -2,7 +2,7 @@
 
     python tools/versions.py
 
-Each gets a fresh environment, a copy of this tree and an empty cache. What follows ``--`` goes to
+Each gets a fresh environment, a copy of this tree and an empty cache. Arguments after ``--`` go to
 pytest. Both together take half an hour on two cores.
 """
 
@@ -24,7 +24,7 @@ RESOLUTIONS = {"lowest": "lowest-direct", "newest": "highest"}
 
 
 def declared() -> list[str]:
-    """Names of all packages that pyproject.toml asks for, those of the tests included."""
+    """Names of all packages that pyproject.toml requires, including those of the tests."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
     asked = [extras[name] for name in extras if name != "dev"]
@@ -48,7 +48,7 @@ def environment(folder: Path, resolution: str, interpreter: str) -> tuple[Path, 
     (bin_,) = (p for p in (tools / "bin", tools / "Scripts") if p.is_dir())
     subprocess.run([str(bin_ / "python"), "-m", "pip", "install", "--quiet", "uv"], check=True)
     uv = str(bin_ / "uv")
-    # Wheels are made by pip.
+    # pip makes the wheels.
     make = [uv, "venv", "--quiet", "--seed", "--python", interpreter, str(place)]
     subprocess.run(make, check=True)
     python = place / bin_.name / "python"
@@ -88,11 +88,11 @@ def examine(bounds: str, interpreter: str, arguments: Sequence[str]) -> bool:
 
 
 def main() -> int:
-    """Both ends, or the one that is asked for; the exit code is 1 if a test fails."""
+    """Both ends, or the requested one; the exit code is 1 if a test fails."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--bounds", choices=RESOLUTIONS, help="none: both")
-    parser.add_argument("--python", default=sys.executable, help="interpreter; none: this one")
-    parser.add_argument("arguments", nargs="*", help="for pytest, after --; none: -n auto")
+    parser.add_argument("--bounds", choices=RESOLUTIONS, help="default: both")
+    parser.add_argument("--python", default=sys.executable, help="interpreter; default: this one")
+    parser.add_argument("arguments", nargs="*", help="for pytest, after --; default: -n auto")
     given = parser.parse_args()
     results = {
         bounds: examine(bounds, given.python, given.arguments)

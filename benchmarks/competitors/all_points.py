@@ -1,6 +1,6 @@
 """Mean RMS error over all 128 points of the paper's study, in its three scenarios, by NumPy alone.
 
-The tests compare sblcosim's studies with what this prints. Nothing here uses sblcosim.
+The tests compare sblcosim's studies with its output. Nothing here uses sblcosim.
 
 Run by hand: ``python benchmarks/competitors/all_points.py --runs 128``
 """
@@ -14,12 +14,13 @@ import numpy as np
 from numpy_study import BATCH, DEPTH, RADIUS, SPEED, Floats, design, epochs, simulate, target
 
 TURNS, RADII = 2.0, (2.5, 25.0)
-"""Scenario 2: an Archimedean spiral, its turns and its first and last radius in m."""
+"""Scenario 2: an Archimedean spiral, with its turns and its first and last radius in m."""
 LENGTH, LEG, BOX = 150.0, 8.0, 25.0
-"""Scenario 3: length of the path and mean length of a leg in m, half the side of the box in m."""
+"""Scenario 3: length of the path, mean length of a leg, and half the side of the box, in m."""
 
 Path = Callable[[np.random.Generator, Floats, int], Floats]
-"""From time in s, (n,), and a number of runs N to true positions, (n, 3, 1) or (n, 3, N)."""
+"""Function from time in s, (n,), and a number of runs N to true positions, (n, 3, 1) or (n, 3,
+N)."""
 
 
 def semicircle(rng: np.random.Generator, t: Floats, N: int) -> Floats:
@@ -27,7 +28,7 @@ def semicircle(rng: np.random.Generator, t: Floats, N: int) -> Floats:
 
 
 def _spiral_table() -> tuple[Floats, Floats]:
-    """Angles and lengths of the spiral up to there, on a fine grid."""
+    """Angles and lengths of the spiral up to each of them, on a fine grid."""
     angle = np.linspace(0.0, 2 * np.pi * TURNS, 200_001)
     slope = (RADII[1] - RADII[0]) / angle[-1]
     rate = np.hypot(RADII[0] + slope * angle, slope)
@@ -44,7 +45,7 @@ def spiral(rng: np.random.Generator, t: Floats, N: int) -> Floats:
 
 
 def random_path(rng: np.random.Generator, t: Floats, N: int) -> Floats:
-    """Straight legs; one that would leave the box is drawn anew, length and direction."""
+    """Straight legs; one that would leave the box is redrawn, length and direction."""
     paths = np.full((len(t), 3, N), DEPTH)
     for run in range(N):
         corners, lengths = [rng.uniform(-BOX, BOX, 2)], [0.0]

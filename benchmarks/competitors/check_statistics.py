@@ -2,8 +2,8 @@
 
 At a few points of the paper's study in Scenario 1, preset ``paper-literal``: the mean over runs of
 each run's RMS error, with its standard error, from sblcosim, both NumPy scripts and the Octave
-script. All draw their own random numbers. Exit status 1 if a competitor's mean differs from
-ours by more than three standard errors of the difference; seeds are fixed, so the outcome is, too.
+script. All draw their own random numbers. The exit status is 1 if a competitor's mean differs from
+ours by more than three standard errors of the difference. Seeds are fixed, and so is the outcome.
 
 Run by hand: ``python benchmarks/competitors/check_statistics.py``
 """
@@ -29,7 +29,7 @@ Floats = NDArray[np.float64]
 
 AXES = ("x", "y", "z", "total")
 LIMIT = 3.0
-"""Standard errors of the difference."""
+"""Limit in standard errors of the difference."""
 
 LOW = {name: levels[0] for name, levels in numpy_study.FACTORS.items()} | {"sampling_time": 0.1}
 HIGH = {name: levels[1] for name, levels in numpy_study.FACTORS.items()} | {"sampling_time": 1.0}
@@ -51,7 +51,7 @@ class Sample:
 
     @classmethod
     def of(cls, rms: Floats) -> Sample:
-        """From RMS errors, (4, runs)."""
+        """Mean and standard error from RMS errors, (4, runs)."""
         return cls(rms.mean(axis=1), rms.std(axis=1, ddof=1) / np.sqrt(rms.shape[1]))
 
 
@@ -84,7 +84,7 @@ def numpy_runs(
 
 
 def octave_runs(point: Mapping[str, float], runs: int, seed: int = 1) -> tuple[Floats, float, str]:
-    """RMS errors in m from the Octave script, (4, runs); least time per step in µs; version.
+    """RMS errors in m from the Octave script, (4, runs); smallest time per step in µs; version.
 
     Raises
     ------
@@ -112,9 +112,9 @@ def octave_runs(point: Mapping[str, float], runs: int, seed: int = 1) -> tuple[F
 
 
 def main() -> int:
-    """Print the table; 1 if something differs."""
+    """Print the table; returns 1 if something differs."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--runs", type=int, default=40, help="of sblcosim, at each point")
+    parser.add_argument("--runs", type=int, default=40, help="runs of sblcosim at each point")
     parser.add_argument("--numpy-runs", type=int, default=400)
     parser.add_argument("--octave-runs", type=int, default=20)
     arguments = parser.parse_args()

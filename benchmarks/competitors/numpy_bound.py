@@ -1,7 +1,7 @@
 """The bound's recursion on NumPy: the same formulas, with divers along an axis of their own.
 
-It was what `sblcosim map` did before there was C for it. Scalar measurements are taken one after
-another, P ← P − P hᵀ h P/(h P hᵀ + R), and as many divers at a time as fit into the cache.
+`sblcosim map` used it before the recursion was written in C. Scalar measurements are applied one
+after another, P ← P − P hᵀ h P/(h P hᵀ + R), with as many divers at a time as fit into the cache.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def _part(
 
 
 def _copies(bound: Bound, state: int, count: int) -> Iterator[int]:
-    """A state, or those of all beacons."""
+    """A state, or the states of all beacons."""
     for i in range(1 if state < bound.states else count):
         yield state + i * bound.each
 

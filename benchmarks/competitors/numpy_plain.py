@@ -1,7 +1,7 @@
-"""The same study as `numpy_study`, in NumPy as one follows the equations.
+"""The same study as `numpy_study`, written directly from the equations in NumPy.
 
 Vectorised over the runs, which are the first axis: rotation matrices, and an EKF with stacked 6 x 6
-and 5 x 5 matrices, products by ``@`` and gains by ``numpy.linalg.solve``. What is not the
+and 5 x 5 matrices, products by ``@`` and gains by ``numpy.linalg.solve``. Everything besides the
 simulation itself (design, target, batches) is that of the tuned script.
 
 Run by hand: ``python benchmarks/competitors/numpy_study.py --plain``
@@ -25,7 +25,7 @@ from numpy_study import (
 Floats = NDArray[np.float64]
 
 BATCH = 256
-"""Runs that are simulated at once, at most; with more the arrays leave the cache."""
+"""Maximum number of runs simulated at once; with more, the arrays leave the cache."""
 ARMS = np.array([[1.0, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]])
 
 

@@ -4,9 +4,9 @@ Scenario 1 of the paper in the preset ``paper-literal`` (see the shipped ``paper
 with the factors of the paper's Table 3 different in each run and one sampling time per call.
 Nothing here uses sblcosim.
 
-Arrays have the runs as their last axis, so that each operation works on contiguous memory. What
-does not depend on the filter (noise, attitude, beacons, ranges) is computed for several sampling
-instants at once. NED frame, SI units, angles in rad.
+The runs are the last axis of arrays, so that each operation works on contiguous memory. Quantities
+that do not depend on the filter (noise, attitude, beacons, ranges) are computed for several
+sampling instants at once. NED frame, SI units, angles in rad.
 
 Run by hand: ``python benchmarks/competitors/numpy_study.py --runs 4096 --sampling-time 0.1``
 """
@@ -35,7 +35,8 @@ FACTORS = {
     "depth_std": (0.01, 0.1),
     "range_std": (0.1, 1.0),
 }
-"""The paper's Table 3 without the sampling time: the level with the smaller error, the other."""
+"""The paper's Table 3 without the sampling time: the level with the smaller error, then the
+other."""
 
 RADIUS, DEPTH, SPEED = 15.0, 5.0, 0.5
 BEACON_DEPTH = 0.5
@@ -44,8 +45,8 @@ WAVE_FREQUENCY = np.array([0.30, 0.25, 0.05])
 Q = 0.01
 
 BATCH = 2000
-"""Runs that are simulated at once, at most. The time per run is flat from 1500 to 2000: with fewer
-the calls cost more, with more the arrays leave the cache. A multiple of 16, see `simulate`."""
+"""Maximum number of runs simulated at once. The time per run is flat from 1500 to 2000: with fewer
+runs the calls cost more, with more the arrays leave the cache. A multiple of 16, see `simulate`."""
 BLOCK = 4
 """Sampling instants whose noise and ranges are computed at once; a multiple of the beacons."""
 
@@ -59,10 +60,11 @@ def target(t: Floats) -> Floats:
 
 
 def epochs(sampling_time: float, length: float = np.pi * RADIUS) -> int:
-    """Estimates in a run along a path of some length: at T, 2T, ...
+    """Number of estimates in a run along a path of some length: at T, 2T, ...
 
-    As in sblcosim, the last two of the samples of a run come too late: one for the filter, which
-    sees at an instant what was sampled before, and one because its result shows an interval later.
+    As in sblcosim, the last two samples of a run come too late: one for the filter, which at an
+    instant sees what was sampled before, and one because its result becomes visible an interval
+    later.
     """
     return int(length / SPEED / sampling_time) - 2
 
@@ -75,7 +77,7 @@ def simulate(
     Parameters
     ----------
     path
-        True positions at 0, T, 2T, ... in place of the semicircle's, (epochs + 1, 3, N).
+        True positions at 0, T, 2T, ... instead of the semicircle's, (epochs + 1, 3, N).
 
     Returns
     -------
@@ -158,13 +160,13 @@ class _Surroundings:
         self.lost = np.empty((BLOCK, N), dtype=bool)
 
     def sample(self, first: int, n: int) -> tuple[Floats, Floats, Floats, NDArray[np.bool_]]:
-        """What the sensors give at `n` instants; `first` is a multiple of four.
+        """Sensor data at `n` instants; `first` is a multiple of four.
 
         Returns
         -------
         reported
-            The cross according to the newest packet: its centre and the two arms from there,
-            (n, 3, 3, N).
+            The cross according to the newest packet: its centre and the two arms from there, (n, 3,
+            3, N).
         ranges, depths
             (n, N).
         received
@@ -278,7 +280,7 @@ class _Filter:
         self.weight = np.zeros((4, N))
         self.all_heard = False
 
-        # Buffers. Offsets from beacons +x, +y and -x, -y become the rows of H in their place.
+        # Buffers. Offsets from beacons +x, +y and -x, -y become the rows of H in place.
         self.centre, self.offset = np.empty((3, N)), np.empty((2, 2, 3, N))
         self.h = self.offset.reshape(4, 3, N)
         self.weighted = np.empty((4, 3, N))
@@ -292,7 +294,7 @@ class _Filter:
         self.one, self.eighteen = np.empty(N), np.empty((2, 3, 3, N))
 
     def hear(self, turn: int, received: NDArray[np.bool_] | bool) -> None:
-        """Take a beacon in use where its packet arrives."""
+        """Use a beacon if its packet arrives."""
         np.copyto(self.weight[turn], self.range_weight, where=received)
         self.all_heard = bool(self.weight.all())
 
@@ -307,7 +309,7 @@ class _Filter:
         self.diagonal_vv += self.Q[2]
 
     def update(self, z: Floats, depth: Floats, beacons: Floats) -> None:
-        """Correct with ranges, (4, N), depth, (N,), and the cross as reported, (3, 3, N)."""
+        """Correct with ranges, (4, N), depth, (N,), and the reported cross, (3, 3, N)."""
         h, distance, A, r = self.h, self.distance, self.A, self.r
         P_pp, P_pv = self.P_p
         np.subtract(self.position, beacons[0], out=self.centre)
@@ -334,8 +336,8 @@ class _Filter:
         self.one *= self.depth_weight
         r[2] += self.one
 
-        # S = I + P_pp A, and its cofactors: with the rows and columns repeated in a cycle they
-        # are all the same product of shifted matrices.
+        # S = I + P_pp A, and its cofactors: with rows and columns repeated in a cycle they are all
+        # the same product of shifted matrices.
         extended, cofactor = self.extended, self.cofactor
         _product(P_pp, A, self.S, self.nine)
         self.diagonal_S += 1.0
@@ -401,7 +403,7 @@ def study(
     """
     rng = np.random.Generator(np.random.SFC64(seed))
     runs = len(factors["baseline"])
-    batch = -(-runs // -(-runs // batch))  # no small one at the end
+    batch = -(-runs // -(-runs // batch))  # avoids a small one at the end
     batch += -batch % 16
     return np.concatenate(
         [
@@ -417,9 +419,9 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=3200)
     parser.add_argument("--sampling-time", type=float, default=0.1, help="s")
     parser.add_argument("--batch", type=int, help="runs simulated at once")
-    parser.add_argument("--plain", action="store_true", help="numpy_plain.py in place of this one")
+    parser.add_argument("--plain", action="store_true", help="use numpy_plain.py instead")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--repeats", type=int, default=3, help="the least time is printed")
+    parser.add_argument("--repeats", type=int, default=3, help="the smallest time is printed")
     for name, (low, high) in FACTORS.items():
         parser.add_argument(
             f"--{name.replace('_', '-')}", type=float, help=f"{low:g} or {high:g} if not given"

@@ -1,4 +1,4 @@
-"""How long the competitors take per step and run, on one core."""
+"""Time per step and run of the competitors, on one core."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ SAMPLING_TIME = float(LOW["sampling_time"])
 
 
 def numpy_ns_per_step(quick: bool = False, plain: bool = False) -> float:
-    """Least over repeats, the levels of Table 3 mixed; tuned or plain."""
+    """Smallest time over repeats, with the levels of Table 3 mixed; tuned or plain."""
     script = numpy_plain if plain else numpy_study
     factors = numpy_study.design(numpy_study.BATCH)
     runs = len(factors["baseline"])
@@ -28,6 +28,6 @@ def numpy_ns_per_step(quick: bool = False, plain: bool = False) -> float:
 
 
 def octave_ns_per_step(quick: bool = False) -> float:
-    """Least over some runs."""
+    """Smallest time over some runs."""
     _, microseconds, _ = octave_runs(LOW, 2 if quick else 5)
     return microseconds * 1e3

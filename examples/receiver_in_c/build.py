@@ -1,6 +1,6 @@
 """Build the receiver in C as an FMU for this machine.
 
-    pip install fmpy                (it brings the FMI headers)
+    pip install fmpy                (it includes the FMI headers)
     pip install ziglang             (if there is no C compiler, cc)
     python examples/receiver_in_c/build.py receiver.fmu
     sblcosim check receiver.fmu

@@ -1,9 +1,9 @@
-/* A receiver in plain C for FMI 2.0 Co-Simulation, with nothing but the FMI headers.
+/* A receiver in plain C for FMI 2.0 Co-Simulation that needs only the FMI headers.
  *
- * The circles around four beacons, at the depth of the sensor, differ by straight lines; their
- * least squares intersection is the position. build.py makes the FMU.
+ * The circles around four beacons, at the sensor's depth, differ by straight lines. Their
+ * least-squares intersection is the position. build.py makes the FMU.
  *
- * Value references are the places in `real` and `integer` below. */
+ * Value references are indices into `real` and `integer` below. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -17,7 +17,7 @@ enum { RECEPTION_COUNT = 0, UPDATE_COUNT = 4, N_INTEGER = 5 };
 typedef struct {
     double real[N_REAL];
     int integer[N_INTEGER];
-    int seen; /* receptions that went into the newest estimate */
+    int seen; /* receptions used in the newest estimate */
 } receiver;
 
 static void update(receiver *r)
@@ -112,7 +112,7 @@ ACCESS(Integer, fmi2Integer, integer, N_INTEGER)
 const char *fmi2GetTypesPlatform(void) { return fmi2TypesPlatform; }
 const char *fmi2GetVersion(void) { return fmi2Version; }
 
-/* Calls that change nothing, and what this FMU does not do: tools want every function to exist. */
+/* Calls without effect, and functions that this FMU does not support but tools expect to exist. */
 #define TRIVIAL(name, result, ...)                                                                 \
     fmi2Status name(__VA_ARGS__) { return result; }
 #pragma GCC diagnostic ignored "-Wunused-parameter"

@@ -5,10 +5,10 @@ import numpy as np
 from sblcosim import Depth, Estimate, Receiver
 
 NOISE = gtsam.noiseModel
-CAUCHY = NOISE.mEstimator.Cauchy.Create(2.0)  # so that echoes count for little
+CAUCHY = NOISE.mEstimator.Cauchy.Create(2.0)  # so that echoes have little weight
 
 def factor(noise, function, *keys):
-    """A factor: the function of its states returns the error and the Jacobians."""
+    """A factor: a function of its states returns the error and the Jacobians."""
     def error(factor, values, jacobians):
         result, *derivatives = function(*map(values.atVector, keys))
         for i, derivative in enumerate(derivatives if jacobians is not None else ()):
