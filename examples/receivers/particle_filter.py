@@ -1,11 +1,11 @@
-"""A particle filter in plain NumPy. Its random numbers follow from the seed of the run."""
+"""A particle filter in plain NumPy. Its random numbers are determined by the run's seed."""
 
 import numpy as np
 from sblcosim import Depth, Estimate, Receiver
 
 
 class ParticleFilter(Receiver):
-    """Particles move horizontally, pushed by white acceleration; the depth is the last reading."""
+    """Particles move horizontally with white acceleration; the depth is the last reading."""
 
     parameters = {"particles": 4000, "acceleration_psd": 0.01, "outliers": 0.001}
     outputs = ("covariance",)
@@ -47,10 +47,10 @@ class ParticleFilter(Receiver):
         self.weight *= np.exp(-0.5 * off**2) + self.outliers
         self.weight /= self.weight.sum()
         n = self.particles
-        if 1 / (self.weight**2).sum() < n / 2:  # few carry all the weight: draw anew by weight
+        if 1 / (self.weight**2).sum() < n / 2:  # few carry all the weight: resample by weight
             steps = (np.arange(n) + self.random.random()) / n
             chosen = np.searchsorted(self.weight.cumsum(), steps).clip(max=n - 1)
-            for values in (self.position, self.velocity):  # a little apart, as copies tell nothing
+            for values in (self.position, self.velocity):  # apart: copies add nothing
                 near = self.random.normal(0.0, 0.1, values.shape) * values.std(axis=0)
                 values[:] = values[chosen] + near
             self.weight[:] = 1 / n
