@@ -24,7 +24,7 @@ VARIABLE = "SBLCOSIM_CC"
 """Environment variable that names the compiler to use, for example ``clang`` or ``zig``."""
 
 # No contraction to fused multiply-adds and no errno: the same bits on every machine. Only the
-# functions of the standard are exported, and none of ours can be replaced from outside.
+# functions of the standard are exported, and nothing can be interposed.
 FLAGS = (
     "-std=c11", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fPIC", "-fvisibility=hidden",
     "-Wall", "-Wextra", "-Werror", "-Wno-psabi",

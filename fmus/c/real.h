@@ -308,7 +308,7 @@ R_INLINE real r_sqrt(real x)
 #endif
 }
 
-/* C's fmod, exact, for |x| < |y| and for |x| < 2^990 with |x / y| < 2^53; outside of that
+/* C's fmod, exact, for |x| < |y| and for |x| < 2^990 with |x / y| < 2^53; outside this range
  * NaN (so also for y = 0, infinite x, NaN).  The rounded quotient's integer part is at most
  * one too high; its product with y is formed as an exact sum of two doubles (Veltkamp,
  * Dekker), so the remainder comes out exact and at most once needs y added. */

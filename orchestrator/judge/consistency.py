@@ -120,7 +120,7 @@ class Verdict:
 
     def __str__(self) -> str:
         if self.verdict == "one run":
-            return f"{_looks(self)}; one run cannot decide, because its errors are correlated"
+            return f"{_looks(self)}; one run cannot tell, because its errors are correlated"
         if self.verdict == "unknown":
             few = f": few of the {self.runs} runs dominate the mean"
             return "unknown" + (few if self.runs else "")

@@ -67,7 +67,7 @@ PREFIXES = {"absolute": "", "relative": "relative_", "own_relative": "own_relati
 FRAME_WORDS = {
     "absolute": "absolute",
     "relative": "relative to the platform as it reports itself",
-    "own_relative": "relative to the platform's true position, as the receiver estimates it",
+    "own_relative": "relative to the platform's true position, by the receiver's own account",
 }
 OWN_PORT = "relative_position"
 """Output of receivers that have own relative errors."""

@@ -340,8 +340,7 @@ def table(results: str | Path, wanted: Wanted | None = None) -> pd.DataFrame:
     }
     for path, problem in wrong.items():
         raise ConfigurationError(
-            f"{path}: {problem}; 'sblcosim study' with the same study and folder repeats its runs "
-            "again"
+            f"{path}: {problem}; 'sblcosim study' with the same study and folder repeats its runs"
         )
     if not there.paths:
         raise ConfigurationError(f"{folder}: must hold runs, got none yet")

@@ -414,7 +414,7 @@ def test_a_scheduler_that_is_gone_is_said_in_one_line_and_nothing_is_lost(tmp_pa
     assert (campaign_.returncode, out) == (2, "")
     assert err.count("\n") == 1
     assert err.startswith("error: --scheduler: must stay until all runs are done")
-    assert err.endswith("runs that are finished are kept, the same command goes on\n")
+    assert err.endswith("finished runs are kept, and the same command continues with them\n")
     assert len(store.table(tmp_path / "studies" / "paper-scenario-1")) >= 2048
 
 

@@ -237,7 +237,7 @@ def test_a_foreign_component_is_named(tmp_path: Path) -> None:
         connect(sblcosim.load("harbour-square", {"time.duration_s": 1.0}), {"mine": Fixed})
     )
     assert lanes_driver.unsupported(plan) == "mine"
-    with pytest.raises(ConfigurationError, match="mine: must be a component of ours"):
+    with pytest.raises(ConfigurationError, match="mine: must be one of our own components"):
         lanes.execute(plan, {})
 
 

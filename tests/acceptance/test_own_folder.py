@@ -143,7 +143,7 @@ def test_it_warns_where_it_is_not_for_the_beacons(tmp_path: Path) -> None:
          "must have RECEIVER, a ReceiverDeclaration, got"),
         ((('receiver("Damped", 1000', 'receiver("EKF", 1000'),), "a name of its own, got 'EKF'"),
         ((('receiver("Damped", 1000', 'receiver("Damped", 4'),), "a number of its own, got 4"),
-        ((('"Damped"', '"So damped"'),), "name must be letters, digits and _"),
+        ((('"Damped"', '"So damped"'),), "name must consist of letters, digits and _"),
         ((("    equations=equations,\n", ""),), "must have equations, a function that makes them"),
         ((("return Equations(", "return dict("),), "equations must make Equations, got"),
         ((("p.share", "p.shar"),), "must fit its declaration, got AttributeError.*line"),

@@ -216,7 +216,7 @@ def test_a_column_of_the_table_of_errors(copy: Copy) -> None:
     printed = json.loads(copy.run(f"{short} --out runs/json"))
     assert printed["errors"]["raw"]["absolute"]["total"]["median_m"] == total
     part = json.loads(copy.run("sblcosim schema run.json"))["$defs"]["Statistics"]
-    assert part["properties"]["median_m"]["description"] == "Median; for total, of the length"
+    assert part["properties"]["median_m"]["description"] == "Median; of the length for the total"
     assert "median_m" in part["required"]
 
     shown = json.loads(with_documents(copy, SHOW))
@@ -224,7 +224,7 @@ def test_a_column_of_the_table_of_errors(copy: Copy) -> None:
     assert "<th>median_m</th>" in shown["html"]
     assert f" {total:.3f}" in shown["text"]
     (row,) = shown["reference"]
-    assert row == "* - `median_m`\n  - m\n  - Median; for total, of the length"
+    assert row == "* - `median_m`\n  - m\n  - Median; of the length for the total"
 
 
 def test_a_command(copy: Copy) -> None:

@@ -190,7 +190,7 @@ def test_habits_of_an_fmu_change_no_other(
     thing = "the locale" if what in ("locale", "dates") else state
     call = FUNCTIONS[phase].removesuffix(" at 0.1 s")
     assert message == (
-        f"{file.stem}: FMU {file} must leave {thing} as it was, got a change in {call}; "
+        f"{file.stem}: FMU {file} must leave {thing} unchanged, got a change in {call}; "
         "it was undone"
     )
     assert not result.failures
@@ -229,7 +229,7 @@ def test_a_thread_that_crashes_only_beside_others_is_not_blamed_on_one(rogue: Ro
 
     outcome = execution.survive(system, ["a", "b"], execute)
     assert outcome.failures == {
-        "b": "b: crashed; it may have been a thread of a, as none of them does so alone"
+        "b": "b: crashed; it may have been a thread of a, because none of them fails alone"
     }
 
 

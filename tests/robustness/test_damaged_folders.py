@@ -232,7 +232,7 @@ def test_a_scenario_that_was_edited_is_said_to_be_and_counts(own: Path) -> None:
         path.write_text(f"{before}{key}{wrong} # {after}")
         said = command("smooth", "run", "--out", "edited", *_BARE, code=2)
         assert len(said.splitlines()) == 1
-        assert said.startswith("error: run/scenario.toml: must be as it was written, or edited")
+        assert said.startswith("error: run/scenario.toml: must be unchanged, or edited")
         assert why in said
 
 

@@ -126,9 +126,9 @@ def test_what_is_too_much_is_refused() -> None:
     model, epochs, position, q = a_case(0)
     many = BEACONS.most + 1
     more = replace(epochs, heard=np.ones((14, many)), beacons=np.zeros((14, many, 3)))
-    with pytest.raises(SblcosimError, match=f"must be of at most {BEACONS.most} beacons"):
+    with pytest.raises(SblcosimError, match=f"must have at most {BEACONS.most} beacons"):
         recursion.covariances(model, more, position, q)
-    with pytest.raises(SblcosimError, match="in as many lanes as this processor has"):
+    with pytest.raises(SblcosimError, match="a number of lanes that this processor supports"):
         recursion.covariances(model, epochs, position, q, None, 3)
 
 

@@ -470,7 +470,7 @@ def test_a_cache_that_cannot_be_used_is_named(
     done = cli("run", "paper-scenario-1", *SHORT)
     assert done.exit_code == 2
     assert done.stderr == (
-        "error: SBLCOSIM_CACHE: must be a folder that can be written to, got "
+        "error: SBLCOSIM_CACHE: must be a writable folder, got "
         f"{tmp_path / 'file'} (Not a directory)\n"
     )
 

@@ -77,7 +77,7 @@ def test_one_run_cannot_tell_but_says_what_it_looks_like():
         found = of_runs([nees])
         assert (found.verdict, found.runs, found.runs_needed) == ("one run", 1, None)
         assert np.isnan([found.low, found.high]).all()
-        assert str(found) == f"{words}; one run cannot tell, for its errors follow each other"
+        assert str(found) == f"{words}; one run cannot tell, because its errors are correlated"
 
 
 def test_runs_without_nees_do_not_count_and_without_any_nothing_is_known():
@@ -91,7 +91,7 @@ def test_few_runs_in_band_say_how_many_would_tell():
     found = of_runs([1.0, 5.0, 4.0])
     assert found.verdict == "in band"
     assert found.runs_needed > 100
-    assert str(found).endswith(f"3 runs); {found.runs_needed} runs would tell a factor of 1.1")
+    assert str(found).endswith(f"3 runs); {found.runs_needed} runs would detect a factor of 1.1")
     (study,) = run_means(np.random.default_rng(4), 40, (1, 400))
     assert "would tell" not in str(of_runs(study))
 
@@ -106,13 +106,13 @@ def test_lost_runs_do_not_make_the_verdict_but_are_counted(factor, word):
     assert found.mean_nees > 3000
     if factor != 1:
         assert found.factor == pytest.approx(factor, rel=0.25)
-    assert "50 runs); 2 runs lie far above and would make the mean, 3,4" in str(found)
+    assert "50 runs); 2 runs lie far above and would dominate the mean, 3,4" in str(found)
 
 
 def test_lost_runs_among_too_few_leave_it_unknown():
     found = of_runs([3.0, 2.9, 3.3, 1e6])
     assert (found.verdict, found.basis) == ("unknown", "median")
-    assert str(found) == "unknown: few of the 4 runs make the mean"
+    assert str(found) == "unknown: few of the 4 runs dominate the mean"
 
 
 @pytest.mark.parametrize("degrees", [3, 10])

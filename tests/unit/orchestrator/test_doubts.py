@@ -70,7 +70,7 @@ BUOYS = (
     "each buoy has a GPS of its own: its covariance does not fit, and its error is small only if "
     "the buoys keep their arrangement; compare it with long_baseline"
 )
-SHARED = "all beacons share those of one platform: try coupled"
+SHARED = "all beacons share the errors of one platform: try coupled"
 
 
 @pytest.mark.parametrize(

@@ -219,7 +219,7 @@ def test_the_command_says_what_is_wrong_with_a_folder(
         assert not (tmp_path / "out").exists()
         return done.stderr
 
-    what = "must be a folder that 'sblcosim run' has written"
+    what = "must be a folder written by 'sblcosim run'"
     assert f"nowhere: {what}, got nothing of that name" in lines("nowhere", "--out", "out")
     (tmp_path / "file").touch()
     assert f"file: {what}, got a file" in lines("file", "--out", "out")

@@ -200,7 +200,7 @@ PROBLEMS = [
     ({"factors": {"gps": {**GPS, "levels": ["sbas", "sbas"]}}}, "that differ, got 'sbas' twice"),
     ({"factors": {"gps": {**GPS, "levels": ["sbas", "rtk"]}}}, "platform.gps_grade: must be"),
     ({"factors": {"gps": GPS}, "design": {"kind": "full"}}, "must have numbers as levels in this"),
-    ({"factors": {"b": {**BOAT, "keys": ["platform.beacons"]}}}, "keys: must not be there with"),
+    ({"factors": {"b": {**BOAT, "keys": ["platform.beacons"]}}}, "keys: must be left out with"),
     ({"factors": {"b": {"levels": {"rib": {"platform.arm": 1}, "x": {}}}}}, "no key 'platform.a"),
     ({"factors": {"b": {"levels": {"rb": {}, "x": {}}}}}, "must have at least one key, got none"),
     ({"factors": {"b": {"levels": {"rib": 1, "ship": 2}}}}, "must be a table of tables of keys"),
@@ -209,7 +209,7 @@ PROBLEMS = [
     ({"factors": {"r": {"keys": ["receivers"], "levels": ["ekf", "ekf"]}}}, "differ, got 'ekf' tw"),
     ({"factors": {"r": {"keys": ["receivers"], "levels": 3}}}, "must be an array of receivers"),
     ({"receivers": ["ekf"], "factors": {"r": {"keys": ["receivers"], "levels": ["ekf", "raw"]}}},
-     "receivers: must not be given beside the factor r"),
+     "receivers: must be left out with the factor r"),
     ({"factors": {"gps": GPS, "r": {"keys": ["receivers", "platform.beaufort"], "levels": [1, 2]}}},
      "receivers must be the only key of one factor"),
     ({"conditions": {"gps": SEA}}, "conditions.gps"),
@@ -325,7 +325,7 @@ def test_the_run_that_ran_away_is_named_and_pairs_are_weighed(tmp_path: Path) ->
     assert found.worst_run == planted["run_id"][5]
     assert found.largest == 9e4
     assert f"sblcosim replay RESULTS {planted['run_id'][5]}" in found.text()
-    assert "Lost is judged in the last quarter" in found.text()
+    assert "A run is lost if, in its last quarter" in found.text()
     assert set(found.pairs["verdict"]) <= {"equal", "differs", "undecided"}
     analysis = reports.analysed(tmp_path / "s", practical=0.5)
     analysis.save(tmp_path / "a", other="replace")
@@ -333,7 +333,7 @@ def test_the_run_that_ran_away_is_named_and_pairs_are_weighed(tmp_path: Path) ->
     assert isinstance(saved, GeneralFactorial)
     assert saved.worst_run in set(runs["run_id"])
     page = (tmp_path / "a" / "report.html").read_text("utf-8")
-    for words in ("Medians of the levels", "Lost is judged in the last quarter", "Verdict"):
+    for words in ("Medians of the levels", "A run is lost if, in its last quarter", "Verdict"):
         assert words in page
     assert (tmp_path / "a" / "medians.csv").exists()
 

@@ -193,7 +193,7 @@ def test_a_damaged_part_is_done_again(runs: Runs) -> None:
     runs.again()
     said = command(*arguments, "--out", "out")
     assert said == (
-        f"warning: {path}: must be as it was written, got other bytes; its runs are done again\n"
+        f"warning: {path}: must be as it was written, got other bytes; its runs are repeated\n"
     )
     assert content("out") == content("whole")
 

@@ -236,7 +236,7 @@ class Careless(Clock):
 @pytest.mark.parametrize(
     ("answer", "message"),
     [
-        ({"more": 1}, "c at 0.1 s: must return each of its outputs, got too few or too many: more"),
+        ({"more": 1}, "c at 0.1 s: must return exactly its outputs, got too few or too many: more"),
         ({"count": 1.5}, "c at 0.1 s: count must be int32, got float64"),
         ({"now": (1.0, 2.0)}, "c at 0.1 s: now must have the shape (), got (2,)"),
     ],

@@ -90,7 +90,7 @@ def test_estimate_that_is_not_a_number_is_an_error_that_names_the_receiver():
 
 def test_estimate_whose_error_has_no_finite_square_is_an_error_that_names_the_receiver():
     record = make_record({"ekf": np.array([[1e200, 0, 0]])})
-    with pytest.raises(FmuError, match=r"^ekf\.position: must be finite and its square, too"):
+    with pytest.raises(FmuError, match=r"^ekf\.position: must be finite, and so must its square"):
         track(record, "ekf")
 
 

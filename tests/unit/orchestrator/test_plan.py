@@ -137,7 +137,7 @@ def test_a_run_ends_at_the_last_common_multiple_counted_from_the_start():
 
 
 def test_a_name_with_a_dot_is_refused():
-    assert refusal({"a.b": Clock}) == "component 'a.b': the name must be without a dot"
+    assert refusal({"a.b": Clock}) == "component 'a.b': the name must not contain a dot"
 
 
 def test_a_system_without_components_is_refused():

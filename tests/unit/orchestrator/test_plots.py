@@ -175,7 +175,7 @@ def test_own_relative_errors_are_drawn_of_who_has_them_with_their_own_bands():
     assert band.get_paths()[0].vertices[:, 1].max() == pytest.approx(4.0)
     title = title_of(ax)
     assert "relative to the platform's true position, by the receiver's own account" in title
-    with pytest.raises(ConfigurationError, match="which takes an output relative_position"):
+    with pytest.raises(ConfigurationError, match="which needs an output relative_position"):
         plots.plot_errors(record, {"other": tracks["other"]}, frame="own_relative")
 
 

@@ -246,7 +246,7 @@ def test_what_is_no_receiver_is_refused_in_one_line(
         ("return sblcosim.Estimate(1.0, (0.0, 0.0))",
          "the estimate must have a position of 3, got float64 of shape (2,)"),
         ("return sblcosim.Estimate(1.0, (0, 0, 0), velocity=(0, 0, 0))",
-         "the estimate must have epoch, position, as outputs of the class says, got epoch, "
+         "the estimate must have epoch, position, as listed in the class's outputs, got epoch, "
          "position, velocity"),
     ],
 )  # fmt: skip
@@ -293,7 +293,7 @@ def test_a_run_is_known_by_the_file(tmp_path: Path) -> None:
     assert other.run(tmp_path / "other")["run_id"].tolist() != first["run_id"].tolist()
     with pytest.raises(ConfigurationError, match=r"with other FMU or code of Mine$"):
         other.run(tmp_path / "first")
-    with pytest.raises(ConfigurationError, match="with the FMUs and files of then, got others"):
+    with pytest.raises(ConfigurationError, match="with the original FMUs and files, got others"):
         replay(tmp_path / "first", first["run_id"][0])
 
 

@@ -297,7 +297,7 @@ def test_a_file_that_was_just_changed_is_read_again(tmp_path: Path) -> None:
     ("entry", "message"),
     [
         ("absolute_total_p96_m", "responses or FILE.py:FUNCTION, got .*did you mean"),
-        ("lost", "must not have lost, which is always there"),
+        ("lost", "must not have lost, which is always included"),
         (3, "must be names of responses or FILE.py:FUNCTION, got 3"),
         ("mien.py:mine", "must be FILE.py:FUNCTION, got no Python file .*'; did you mean 'mine"),
         ("leaves.py:f", "'leaves.py:f' must be importable, got SystemExit: 4"),

@@ -136,7 +136,7 @@ def test_text_shows_both_frames_of_each_receiver_and_what_its_filter_claims(resu
 
 
 def test_one_run_is_said_to_be_no_proof_of_a_covariance(result):
-    words = "  covariance: looks optimistic by a factor of 5.77; one run cannot tell, for "
+    words = "  covariance: looks optimistic by a factor of 5.77; one run cannot tell, because "
     assert words in told(result)
     right = make_record({"ekf": np.array([[np.sqrt(0.75), 0, 0]])})
     assert "  covariance: looks right; one run cannot tell" in told(run_of(("ekf",), right))

@@ -169,7 +169,7 @@ def test_a_given_resolution_leaves_the_rest_of_the_bits_to_the_other() -> None:
      "scenario: [acoustics] packet_bits: must be at least 86, as packet_content is 'everything', "
      "got 80"),
     ({"acoustics": {"packet_content": "pose"}, "platform": {"gps_shared": False}},
-     "scenario: [acoustics] packet_content: must have positions of beacons, as gps_shared of "
+     "scenario: [acoustics] packet_content: must include positions of beacons, as gps_shared of "
      "[platform] is false, got 'pose'"),
     ({"acoustics": {"fmu": "other.fmu", "packet_bits": 80}},
      "scenario: [acoustics] packet_bits: must be left out if there is another fmu"),

@@ -358,7 +358,7 @@ def test_every_quantile_is_finite() -> None:
         (FACTORS, 16, 2**31 - 31,
          "seed: must be from 0 on and leave room for 32 seeds up to 2147483647, got 2147483617"),
         ([DrawnFactor("seed", FACTORS[0].distribution)], 16, 1,
-         "factor seed: must have another name, the seed is a factor of every space"),
+         "factor seed: must have another name, because the seed is a factor of every space"),
     ],
 )  # fmt: skip
 def test_a_wrong_space_is_refused_in_one_line(factors, n, seed, message: str) -> None:

@@ -70,9 +70,9 @@ def test_a_published_function_goes_the_way_of_a_simulation(tmp_path: Path) -> No
     again_made = study_of(tmp_path / "out")
     assert again_made.points == made.points
     pd.testing.assert_frame_equal(again_made.run(tmp_path / "out"), table)  # nothing is missing
-    with pytest.raises(ConfigurationError, match=r"model: must be at hand to do more runs"):
+    with pytest.raises(ConfigurationError, match=r"model: must be available to do more runs"):
         again_made.run(tmp_path / "elsewhere")
-    with pytest.raises(ConfigurationError, match="must be of simulated runs to do one again"):
+    with pytest.raises(ConfigurationError, match="must hold simulated runs to repeat one"):
         again.replay(tmp_path / "out", table["run_id"][0])
 
 
@@ -222,7 +222,7 @@ PROBLEMS = [
     ({"design": {"kind": "space", "base_rows": 100}}, "base_rows: must be a power of 2"),
     ({"design": {"kind": "space", "sample": 3}}, r"\[design\] sample: must be 1 or 2"),
     ({"design": {"kind": "full", "sample": 1}}, "kind: must be 'space' with sample, got .full."),
-    ({"design": {"kind": "grid"}}, "distribution: must be left out, but in a space"),
+    ({"design": {"kind": "grid"}}, "distribution: must be left out, except in a space"),
     ({"scenario": ""}, "scenario: must be given"),
     ({"model": ishigami}, "scenario: must be left out with a model"),
 ]  # fmt: skip

@@ -247,7 +247,7 @@ def test_another_process_at_work_is_told(out: Path) -> None:
     )
     assert process.stdout is not None
     process.stdout.readline()
-    with pytest.warns(ConfigurationWarning, match="one study at a time, got another"):
+    with pytest.warns(ConfigurationWarning, match="one study at a time, but another"):
         small().run(out)
     process.kill()
     process.communicate()

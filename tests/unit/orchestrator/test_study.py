@@ -131,7 +131,7 @@ PROBLEMS: list[tuple[dict[str, Any], str]] = [
         {"factors": {"s": {"keys": ["target.trajectory"], "levels": [1, 2]}}},
         "levels: target.trajectory: must be ",
     ),
-    ({"fixed": {"platform.arm_length_m": 1.0}}, "must not be among the fixed keys, too"),
+    ({"fixed": {"platform.arm_length_m": 1.0}}, "must not also be a fixed key"),
     ({"fixed": {"seed": 1}}, "fixed: must not have seed"),
     ({"fixed": {"platform.arm_lenght_m": 1.0}}, "scenario: override platform.arm_lenght_m|no key"),
     ({"scenario": "paper-scenario-4"}, "scenario: .* did you mean"),
@@ -469,7 +469,7 @@ def test_components_that_are_not_ours_run_one_by_one(
     assert (tmp_path / "alone" / "runs.parquet").read_bytes() == (
         tmp_path / "lanes" / "runs.parquet"
     ).read_bytes()
-    with pytest.raises(ConfigurationError, match="ekf: must be a component of ours"):
+    with pytest.raises(ConfigurationError, match="ekf: must be one of our own components"):
         small(seed=50).run(tmp_path / "refused", master="lanes")
 
 

@@ -368,7 +368,7 @@ def test_the_origin_is_that_of_the_scenario_or_the_first_point(tmp_path: Path) -
     ({"trajectory": "file", "track_file": "x.csv", "track_time_s": [0, 1]},
      "[target] track_time_s: must be left out when there is a track_file"),
     ({"trajectory": "file", "track_file": "x.csv", "fmu": "x.fmu"},
-     "[target] track_file: must be left out for another FMU, fmu"),
+     "[target] track_file: must be left out with another FMU, fmu"),
     ({"trajectory": "file", "track_time_s": [0, 1], "track_m": [1, 2, 3]},
      "[target] track_m: must have a row for each of 2 times, got 1"),
     ({"trajectory": "file", "track_time_s": [0, 1, 1], "track_m": [[0, 0, 1]] * 3},
@@ -444,7 +444,7 @@ def test_tracks_beside_another_are_left_out(tmp_path: Path) -> None:
     line = text[: text.index("10:00:40")].count("\n") + 1
     assert f"line {line}," in track.where(2, 3)
     assert load(file).about_track.endswith(
-        "; left out: coupled, trk 4, as they begin before the track before has ended"
+        "; left out: coupled, trk 4, as they begin before the previous track has ended"
     )
 
 
@@ -456,7 +456,7 @@ def test_a_jump_in_a_track_is_told(tmp_path: Path, recwarn: pytest.WarningsRecor
         load(scenario(tmp_path, table(NED, *rows), "track_tolerance_m = 5.0"))
     assert [str(w.message) for w in caught] == [
         f"{tmp_path / 'dive.csv'}, line 4, column 2 (north_m): should be reached at 20 m/s at "
-        "most, got 250 m/s from the point before, up to 250 m/s at 2 points"
+        "most, got 250 m/s from the previous point, up to 250 m/s at 2 points"
     ]
 
 

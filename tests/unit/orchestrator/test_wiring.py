@@ -248,7 +248,7 @@ class Vague(Deaf):
         (Silent, "Silent: must honour the plug contract of a receiver, got epoch: must be an "
                  "output, got none (and 1 more)"),
         (Wrong, "Wrong: must be made for the 4 beacons of the scenario, got range of 3; "
-                "platform.beacons says how many"),
+                "platform.beacons sets the number"),
     ],
 )  # fmt: skip
 def test_a_python_receiver_is_refused_before_the_run(receiver: Any, message: str) -> None:
