@@ -52,8 +52,7 @@ def alternated(
 
 
 def ratio(old: Sequence[float], new: Sequence[float]) -> Ratio:
-    """The ratio of paired times, with an interval that makes no assumption about their
-    distribution."""
+    """The ratio of paired times, with a distribution-free interval."""
     ratios = sorted(b / a for a, b in zip(old, new, strict=True))
     n = len(ratios)
     # The largest k for which the k-th smallest and largest hold the median with the confidence.

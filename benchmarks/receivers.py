@@ -66,8 +66,7 @@ def seconds(plan: Plan, number: int, runs: int) -> float:
 
 
 def cost(receiver: str, number: int, runs: int, repeats: int) -> float:
-    """ns per packet and run: a long run minus a short one, minus that difference without a
-    receiver."""
+    """ns per packet and run: a long run minus a short one, minus the same without receiver."""
     plans = {
         (name, end): plan_of(name, end)
         for name in (receiver, None) for end in (SETTLED_S, SETTLED_S + 60.0)

@@ -171,8 +171,7 @@ def intact(path: Path) -> bool:
 
 
 def sha256_of(path: Path) -> str:
-    """SHA-256 of a file in hexadecimal, computed once, until it changes; empty if there is no
-    file."""
+    """SHA-256 of a file in hexadecimal, computed once, until it changes; empty if missing."""
     try:
         about = regular(path).stat()
         known = str(path), about.st_size, about.st_mtime_ns, about.st_ino

@@ -19,8 +19,7 @@ LENGTH, LEG, BOX = 150.0, 8.0, 25.0
 """Scenario 3: length of the path, mean length of a leg, and half the side of the box, in m."""
 
 Path = Callable[[np.random.Generator, Floats, int], Floats]
-"""Function from time in s, (n,), and a number of runs N to true positions, (n, 3, 1) or (n, 3,
-N)."""
+"""Maps times in s, (n,), and a number of runs N to true positions, (n, 3, 1) or (n, 3, N)."""
 
 
 def semicircle(rng: np.random.Generator, t: Floats, N: int) -> Floats:

@@ -35,8 +35,7 @@ FACTORS = {
     "depth_std": (0.01, 0.1),
     "range_std": (0.1, 1.0),
 }
-"""The paper's Table 3 without the sampling time: the level with the smaller error, then the
-other."""
+"""The paper's Table 3 without the sampling time; the level with the smaller error first."""
 
 RADIUS, DEPTH, SPEED = 15.0, 5.0, 0.5
 BEACON_DEPTH = 0.5

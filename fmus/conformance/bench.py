@@ -233,8 +233,7 @@ def digest(rows: list[Values]) -> str:
 def expect_same(
     bench: Bench, expected: list[Values], rows: list[Values], what: str, tolerance: float = 0.0
 ) -> None:
-    """Fail unless two runs agree to their end, with a tolerance relative to the size of the
-    values."""
+    """Fail unless two runs agree to their end, with a tolerance relative to the values."""
     names = output_names(bench.subject)
     first = bench.subject.steps + 1 - len(expected)
     for step, (wanted, got) in enumerate(zip(expected, rows, strict=True)):

@@ -1,5 +1,4 @@
-"""All dynamic checks: see `CHECKS`. To add one, write a function next to similar ones and a row
-here.
+"""All dynamic checks: see `CHECKS`. To add one, write a function, and a row here.
 
 Each check runs in processes of its own with only the standard library, as these must start quickly.
 It returns a line about what it saw, or raises one of the exceptions of `bench` with a reason.

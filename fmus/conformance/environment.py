@@ -66,8 +66,7 @@ def of_loader(text: str, folder: Path) -> str | None:
 
 
 def _documented(folder: Path) -> str:
-    """Pointer to the FMU's list of dependencies, if it has one (FMI 2.0.5, 2.3; FMI 3.0.2,
-    2.5.1)."""
+    """Pointer to the FMU's list of dependencies, if any (FMI 2.0.5, 2.3; FMI 3.0.2, 2.5.1)."""
     for name in ("externalDependencies.txt", "externalDependencies.html"):
         if (folder / "documentation" / name).is_file():
             return f"; see documentation/{name} in the FMU"

@@ -142,8 +142,7 @@ class Instance:
         return int(self._component)
 
     def address(self, function: str) -> int:
-        """Address of a function of the standard, for C; by its full name, for example
-        ``fmi2GetReal``."""
+        """Address of a function of the standard, for C; by its full name (``fmi2GetReal``)."""
         address = ctypes.cast(self._function[function[4:]], ctypes.c_void_p).value
         assert address is not None
         return address

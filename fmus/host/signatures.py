@@ -28,8 +28,7 @@ C_TYPES: Mapping[int, Mapping[str, Any]] = {
         "Boolean": _B, "String": _S,
     },
 }  # fmt: skip
-"""C types of the variables' values, by version and kind, which is the end of the functions'
-names."""
+"""C types of the variables' values, by version and kind (the end of the functions' names)."""
 
 
 class Signature(NamedTuple):

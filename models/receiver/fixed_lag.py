@@ -95,8 +95,7 @@ def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
 
 
 def _process(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
-    """Process as `coupled`, then update the copies. A restart discards them: they were wrong
-    too."""
+    """Process as `coupled`, then update the copies. A restart discards them as wrong."""
     changed, steps = coupled.processed(p, x, u)
     going = changed["passes"] == 0
     working = changed["ready"] * changed["located"] * going

@@ -26,8 +26,7 @@ _MOVED = 0.1
 
 
 def _unknown(p: Symbols) -> Any:
-    """Variances of all states before any measurement; those of the diver's position are 0, (n,
-    1)."""
+    """Variances of all states before any measurement, (n, 1); 0 for the diver's position."""
     variances = ca.SX.zeros(field.states(p.beacons))
     for i, std in field.prior_stds(p).items():
         variances[i] = std**2

@@ -103,8 +103,7 @@ def _at(
 def _after(
     x: Symbols, at: minimum.Point, tangent: minimum.Tangent, step: minimum.Step, damping: Any
 ) -> Values:
-    """The states after a pass; the cost after the last step is the previous one less slope'
-    step."""
+    """The states after a pass; the last step reduces the cost by slope' step."""
     gain = ca.if_else(step.last, ca.dot(tangent.slope, step.move), 0)
     return {
         "position": at.position + ca.if_else(step.last, step.move, 0),

@@ -109,8 +109,7 @@ class Own:
 
     @property
     def heading_variance(self) -> Any:
-        """Variance of the direction of h [rad²]: on the unit circle, von Mises with this
-        inverse."""
+        """Variance of the direction of h [rad²]: inverse of its von Mises concentration."""
         length = ca.sqrt(ca.sumsqr(self.turn))
         return ca.fmin(self.turn_variance / ca.fmax(length, 1e-6), _UNKNOWN)
 

@@ -17,8 +17,7 @@ from .least_squares import symmetric
 
 @dataclass(frozen=True, slots=True)
 class Map:
-    """A linear map of the state's error: the identity except for some elements, by row and
-    column."""
+    """A linear map of the state's error: the identity except for some (row, column)."""
 
     elements: Mapping[tuple[int, int], Any]
 

@@ -61,8 +61,7 @@ class Record(Shown):
         return own
 
     def valid(self, component: str) -> Flags:
-        """Whether a receiver has an estimate: its ``valid``, else a positive update count; shape
-        (n,)."""
+        """Whether a receiver has an estimate: ``valid``, else a positive update count; (n,)."""
         if f"{component}.valid" in self.values:
             return self.values[f"{component}.valid"].astype(bool)
         return self.values[f"{component}.update_count"].astype(np.int64) > 0

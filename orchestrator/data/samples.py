@@ -106,8 +106,7 @@ class Samples:
 
 
 def of_record(record: Record, body: Floats, pose_source: int = _REPORTED) -> Samples:
-    """The samples of a run. Of several packets of a beacon between two instants, only the last is
-    kept.
+    """The samples of a run; of each beacon, only the last packet between two instants.
 
     Parameters
     ----------

@@ -79,8 +79,7 @@ class Truth(Shown):
         return np.column_stack(columns), np.full((len(epoch_ns), 3), np.nan)
 
     def platform_at(self, epoch_ns: Integers) -> tuple[Floats, Floats] | None:
-        """Platform position and error of its reports at epochs, held between instants; None if
-        unknown."""
+        """Platform position and error of its reports at epochs, as held; None if unknown."""
         time, position, error = self.platform_time_ns, self.platform_position, self.platform_error
         if time is None or position is None or error is None:
             return None

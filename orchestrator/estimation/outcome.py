@@ -34,8 +34,7 @@ ORDER = [i for pair in zip(POSITION, VELOCITY, strict=True) for i in pair]
 def of_states(
     p: Any, samples: Samples, mean: Floats, covariance: Floats
 ) -> Estimates:
-    """Estimates from the states at the epochs of the samples; those before the first fix are left
-    out.
+    """Estimates from the states at the epochs of the samples, from the first fix on.
 
     Parameters
     ----------

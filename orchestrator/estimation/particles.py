@@ -371,8 +371,7 @@ def ranged(p: Any, cloud: Cloud, pose: Pose, body: list[float], z: float) -> Clo
 
 
 def resampled(cloud: Cloud, rng: np.random.Generator) -> Cloud:
-    """Equal weights by systematic resampling, if the effective number is below half the
-    particles."""
+    """Equal weights by systematic resampling, if few particles are effective (below half)."""
     weight = cloud.weight
     n = len(weight)
     if 1 / (weight**2).sum() > n / 2:

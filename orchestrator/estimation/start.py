@@ -35,8 +35,7 @@ _WINDOW = 20
 
 
 def ran(record: Record) -> str | None:
-    """Label of a component of the record that has all outputs of `coupled`; None if there is
-    none."""
+    """Label of a component of the record with all outputs of `coupled`, or None."""
     for label in {name.partition(".")[0]: None for name in record.values}:
         ports = {f"{label}.{v.name}" for v in SYSTEM} | {f"{label}.velocity"}
         if ports <= record.values.keys() and record.valid(label).any():

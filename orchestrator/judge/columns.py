@@ -228,7 +228,6 @@ ESTIMATES = Columns(
                     of=lambda j: j.estimates.nis_degrees),
     ),
 )  # fmt: skip
-"""Columns that a receiver lacks, or that need an unknown true motion of the platform, are left
-out."""
+"""Columns that a receiver lacks, or that need an unknown true platform motion, are left out."""
 TABLES = {"errors": ERRORS, "percentiles": PERCENTILES, "summary": SUMMARY, "estimates": ESTIMATES}
 """Tables by the names of their files."""

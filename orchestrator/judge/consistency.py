@@ -220,8 +220,7 @@ def _factor(nees: float, expected: float) -> float:
 
 
 def _needed(spread: float) -> int:
-    """Smallest number of runs that detect a factor; `spread`: that of run means, over their
-    mean."""
+    """Smallest number of runs that detect a factor; `spread`: of run means, over their mean."""
     shift = 2 * math.log(TELLING)
 
     def tells(n: int) -> bool:

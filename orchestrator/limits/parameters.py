@@ -40,8 +40,7 @@ def parameters(
 def model_of(
     scenario: Scenario, acceleration_psd: float | None = None, own_beacon: bool = False
 ) -> ReceiverModel:
-    """The model of a scenario for the recursion; the beacons' own errors are in it if they have
-    any.
+    """The model of a scenario for the recursion, depending on the beacons' errors.
 
     Parameters
     ----------

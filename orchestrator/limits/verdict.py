@@ -76,8 +76,7 @@ class Limits(Shown):
         return np.fmax(found, 0)
 
     def verdict(self, epoch_ns: Integers | None = None) -> Possible | None:
-        """What is possible at some epochs [ns], such as those of a receiver's estimates; None: at
-        all.
+        """What is possible at the epochs [ns] of a receiver's estimates; None: at all epochs.
 
         Returns
         -------

@@ -1,4 +1,4 @@
-"""What a receiver may assume about a scenario's system, parts of which may be of other origin."""
+"""What a receiver may assume about a scenario's system, which may have third-party parts."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def assumed(
 ) -> dict[str, Any]:
     """As `sblcosim.models.settings.assumptions.assumed`, without what cannot be known.
 
-    For components of other origin, only given keys are known: the start values of ours imply
+    For third-party components, only given keys are known: the start values of ours imply
     nothing.
 
     Parameters
@@ -43,7 +43,6 @@ _DECISIVE = {
 
 
 def _unknown(foreign: Mapping[str, Any], key: str) -> bool:
-    """Whether a key depends on a component of other origin about which the scenario says
-    nothing."""
+    """Whether a key depends on a foreign component that the scenario does not describe."""
     name, keys = _DECISIVE[key]
     return name in foreign and foreign[name].model_fields_set.isdisjoint(keys)

@@ -195,8 +195,7 @@ class Scenario(Table):
         return alike("assumptions", key, make, *tables)
 
     def given(self) -> dict[str, Any]:
-        """The keys that were given explicitly, as nested tables; all others are derived from
-        them."""
+        """The keys that were given explicitly, as nested tables; they determine all others."""
         return self.model_dump(exclude_unset=True)
 
     def override(self, overrides: Changes) -> Scenario:

@@ -185,8 +185,7 @@ class _Telling(Watch):
         self.failures[component] = str(error)
 
     def settle(self) -> bool:
-        """Undo changes to the state of the processor and the locale; returns whether there were
-        any."""
+        """Undo changes to processor state and locale; returns whether there were any."""
         return self._settle is not None and bool(self._settle())
 
     def blamed(self) -> str | None:
@@ -257,8 +256,7 @@ def _end(task: End) -> None:
 
 
 def _streams() -> tuple[IO[bytes], IO[bytes]]:
-    """Streams of tasks and answers; the FMUs get an empty stdin, and their stdout goes to
-    stderr."""
+    """Streams of tasks and answers. The FMUs get an empty stdin; their stdout is stderr."""
     tasks, answers = (os.fdopen(os.dup(fd), mode) for fd, mode in ((0, "rb"), (1, "wb")))
     nothing = os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)

@@ -137,8 +137,7 @@ def _shadow_made() -> PythonComponent:
 
 
 def _key(plan: Plan) -> str:
-    """The files that run in a plan's child; none together with third-party FMUs, which get their
-    own."""
+    """The files that run in a plan's child; none if it runs third-party FMUs."""
     return "" if strangers(plan) else " ".join(sorted(set(from_files(plan).values())))
 
 

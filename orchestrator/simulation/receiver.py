@@ -342,8 +342,7 @@ class _ForBeacons:
 def for_beacons(
     source: Callable[[], PythonComponent], beacons: int
 ) -> Callable[[], PythonComponent]:
-    """A receiver's class for a number of beacons; components that declare their own ports are
-    unchanged.
+    """A receiver's class for a number of beacons; one that declares its ports is unchanged.
     """
     maker = source.maker if isinstance(source, PythonSource) else source
     derived = isinstance(maker, type) and issubclass(maker, Receiver)

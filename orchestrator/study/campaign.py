@@ -87,8 +87,7 @@ class Campaign:
 
     @property
     def digest(self) -> str:
-        """Hash of everything that defines the runs except their number: point and replicate
-        identify one."""
+        """Hash of all that defines the runs but their number; point and replicate identify one."""
         digests = [point.digest for point in self.points]
         made_of: list[Any] = [self.study.seeding, self.study.seed, digests]
         if exact := self.study.rounded:
@@ -102,8 +101,7 @@ class Campaign:
 
     @cached_property
     def weights(self) -> Mapping[int, int]:
-        """Communication steps of a run, by the index of its point; a function call counts as
-        one."""
+        """Communication steps of a run, by the index of its point; 1 for a function call."""
         if not self.groups:
             return dict.fromkeys(range(len(self.points)), 1)
         return {place: group.steps for group in self.groups for place in group.places}
@@ -260,8 +258,7 @@ def point_digest(
 
 
 def resolved_alone(study: Definition, number: int) -> tuple[Scenario, System, Plan]:
-    """As `resolved`, but only warn about keys without effect: they may have one at another
-    point."""
+    """As `resolved`, but keys without effect, which may have one elsewhere, only warn."""
     scenario, system, plan = resolved(study, number)
     idle = effects.idle(scenario, study.components(scenario), effects.given(scenario))
     for line in no_effect(scenario, idle):

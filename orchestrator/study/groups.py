@@ -92,8 +92,7 @@ def grouped(
     master: str | None,
     alone: bool,
 ) -> tuple[Group, ...]:
-    """Group points that differ only in parameters; ``alone``: no lanes, because a record is
-    needed."""
+    """Group points that differ only in parameters; ``alone``: no lanes, as a record is needed."""
     alike: dict[Any, list[int]] = {}
     numbers: dict[Hashable, int] = {}
     kinds: dict[int, int] = {}  # by the id of what the points share

@@ -24,8 +24,7 @@ def unbroken(text: str) -> str:
 
 
 def rounded(value: float, digits: int = 3) -> str:
-    """A number with that many significant digits, including trailing zeros, and a true minus
-    sign."""
+    """A number with that many significant digits, trailing zeros included, and a true minus."""
     if not isfinite(value):
         return "–" if isnan(value) else "∞" if value > 0 else "−∞"
     if value == 0:

@@ -729,9 +729,8 @@ def test_what_cannot_be_sent_elsewhere_runs_here(tmp_path: Path) -> None:
     assert made.run(tmp_path / "out", workers=1)["error"].isna().all()
     with pytest.raises(ConfigurationError) as caught:
         made.run(tmp_path / "other", executor="processes", workers=1)
-    assert "mine.py:Mine must be something that other processes can receive, got TypeError" in one_line(
-        str(caught.value)
-    )
+    words = "mine.py:Mine must be something that other processes can receive, got TypeError"
+    assert words in one_line(str(caught.value))
 
 
 def test_a_kept_child_is_not_one_of_a_forked_process(

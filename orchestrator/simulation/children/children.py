@@ -42,8 +42,7 @@ class _Waiting:
         return None
 
     def put(self, key: str, child: Process, idle_s: float | None) -> None:
-        """Let a child wait. If there are too many, the children of the least recently used files
-        end."""
+        """Let a child wait. If there are too many, those of the least recently used files end."""
         with self._lock:
             self._idle[key] = [*self._idle.pop(key, []), child]
             oldest = list(self._idle)[: -FILES]

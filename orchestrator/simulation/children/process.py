@@ -82,8 +82,7 @@ def patience(seconds: float | None) -> Iterator[None]:
 
 
 def patient(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """A function of the API with `PATIENCE` as its keyword ``step_timeout``, valid for all it
-    calls."""
+    """A function of the API whose keyword ``step_timeout`` sets `PATIENCE` for all it calls."""
 
     @functools.wraps(function)
     def limited(*arguments: _P.args, **options: _P.kwargs) -> _R:

@@ -276,8 +276,7 @@ class _Encoder(Encoder):
             self.named("all", {n: v for n, v in known.items() if not n.startswith("__")})
 
     def package(self, name: str, package: str, chains: Chains) -> None:
-        """Add a module of a package, and anything the user has substituted in the parts that are
-        read."""
+        """Add a module of a package, and the user's substitutions in the parts that are read."""
         self.put("package", name, package)
         for chain in sorted(chains):
             for thing in taking_apart.put_in(sys.modules.get(name), chain):

@@ -50,8 +50,7 @@ class Reads:
 
 
 def asks(code: CodeType) -> set[str]:
-    """Properties of classes and functions that code reads, besides their effect: keys of
-    `_ASKS`."""
+    """Properties of classes and functions that code reads: keys of `_ASKS`."""
     texts = (text for text in code.co_consts if isinstance(text, str))
     return {_ASKS[name] for name in (*code.co_names, *texts) if name in _ASKS}
 

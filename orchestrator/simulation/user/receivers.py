@@ -1,5 +1,4 @@
-"""Receivers in folders of the user, declared like ours: identified by content, built, and
-cached."""
+"""Receivers in folders of the user, declared like ours: identified by content and cached."""
 
 from __future__ import annotations
 
