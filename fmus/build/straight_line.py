@@ -58,6 +58,9 @@ _LOGIC_OF_CONDITIONS: Mapping[int, str] = {
 }
 """Results of arithmetic on two conditions, which are 0 or 1."""
 
+_OF_A_NUMBER: Mapping[int, str] = {ca.OP_FMIN: "r_min({0}, {1})", ca.OP_FMAX: "r_max({0}, {1})"}
+"""What these amount to where the second argument is a constant, and so not NaN."""
+
 _COSTLY = tuple(
     f"r_{name}(" for name in ("sin", "cos", "tan", "exp", "log", "atan", "atan2", "asin", "acos")
 )
@@ -207,7 +210,13 @@ class _Values:
             choice = self._choice(*used) or self._choice(*reversed(used))
             if choice is not None:
                 return self._form("a", "r_blend({0}, {1}, {2})", choice)
-        return self._form("a", _ARITHMETIC[operation], [self.real(v) for v in used])
+        template = _ARITHMETIC[operation]
+        if operation in _OF_A_NUMBER and self._constant(used[1]):
+            template = _OF_A_NUMBER[operation]
+        return self._form("a", template, [self.real(v) for v in used])
+
+    def _constant(self, value: str) -> bool:
+        return self.texts[value].startswith("r_set1(") and not self.operands[value]
 
     def _choice(self, one: str, other: str) -> tuple[str, str, str] | None:
         """Condition and both numbers, if a sum has the form ``(c ? x : 0) + (!c ? y : 0)``."""

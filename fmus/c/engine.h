@@ -35,8 +35,9 @@ static inline real *engine_x(struct block *b) { return b->v + N_P + N_U; } /* ou
 
 static inline void engine_noise(const struct block *b, int occasion, bits64 count, real *w)
 {
-    noise_draw(model_draws[occasion], model_blocks[occasion], (uint32_t)occasion, engine_p(b),
-               b->key, count, w);
+    if (N_W > 0)
+        noise_draw(model_draws[occasion], model_blocks[occasion], (uint32_t)occasion, engine_p(b),
+                   b->key, count, w);
 }
 
 #if HAS_INNER
@@ -47,31 +48,37 @@ static inline void engine_noise(const struct block *b, int occasion, bits64 coun
 
 static inline int engine_loops(struct block *b, int variant, int first, int end, real t);
 
-/* 0 if a loop does not end. Side by side, the lane concerned becomes NaN and the others continue.
- * */
-static inline int engine_loop(struct block *b, int variant, int loop, real t)
+/* Lanes in which a loop has something to do: not those that hold a NaN. */
+static inline mask engine_going(struct block *b, int variant, int loop, real t)
 {
-    real going = r_set1(0.0), *const x = engine_x(b);
+    real going = r_set1(0.0);
+    model_guard(loop, variant, engine_x(b), engine_u(b), engine_p(b), t, &going);
+    return m_true(going) & m_eq(going, going);
+}
+
+/* A loop that has something to do. 0 if it does not end. Side by side, the lane concerned becomes
+ * NaN and the others continue. */
+static inline int engine_loop(struct block *b, int variant, int loop, real t, mask going)
+{
+    real *const x = engine_x(b);
     for (int round = 0; round < MAX_ROUNDS; round++) {
         real w[N_W + 1];
-        model_guard(loop, variant, x, engine_u(b), engine_p(b), t, &going);
-        /* A NaN has nothing to do. (Without r_truth the compilers' code would be another.) */
-        going = r_keep(m_true(r_truth(m_eq(going, going))), going);
-        if (!r_any(going))
-            return 1;
         engine_noise(b, OCCASION_LOOPS + loop, b->rounds[loop], w);
         /* Lanes with nothing to do stay unchanged. */
-        model_body(loop, variant, m_true(going), x, engine_u(b), engine_p(b), w, t);
-        b->rounds[loop] += r_integer(r_truth(m_true(going)));
+        model_body(loop, variant, going, x, engine_u(b), engine_p(b), w, t);
+        b->rounds[loop] += r_integer(r_truth(going));
         if (INNER_LOOPS(loop) > 0
             && !engine_loops(b, variant, loop + 1, loop + 1 + INNER_LOOPS(loop), t))
             return 0;
+        going = engine_going(b, variant, loop, t);
+        if (!m_any(going))
+            return 1;
     }
 #if LANES == 1
     return 0;
 #else
     for (int i = 0; i < N_X; i++)
-        x[i] = r_blend(m_true(going), r_set1(__builtin_nan("")), x[i]);
+        x[i] = r_blend(going, r_set1(__builtin_nan("")), x[i]);
     return 1;
 #endif
 }
@@ -79,9 +86,11 @@ static inline int engine_loop(struct block *b, int variant, int loop, real t)
 /* The loops from first to before end, each with its inner loops. */
 static inline int engine_loops(struct block *b, int variant, int first, int end, real t)
 {
-    for (int loop = first; loop < end; loop += 1 + INNER_LOOPS(loop))
-        if (!engine_loop(b, variant, loop, t))
+    for (int loop = first; loop < end; loop += 1 + INNER_LOOPS(loop)) {
+        const mask going = engine_going(b, variant, loop, t);
+        if (m_any(going) && !engine_loop(b, variant, loop, t, going))
             return 0;
+    }
     return 1;
 }
 

@@ -257,10 +257,32 @@ R_INLINE real r_sign(real x)
                    r_blend(m_lt(r_set1(0.0), x), r_set1(1.0), x));
 }
 
+/* The smaller or larger; b where they are equal or one of them is NaN, as the processor's own
+ * instruction has it. */
+#if LANES == 1
+#define R_EXTREMUM(name, compare, instruction) \
+    R_INLINE real name(real a, real b) { return compare(a, b) ? a : b; }
+#elif LANES == 8 && defined(__AVX512F__)
+#define R_EXTREMUM(name, compare, instruction) \
+    R_INLINE real name(real a, real b) { return _mm512_##instruction(a, b); }
+#elif LANES == 4 && defined(__AVX__)
+#define R_EXTREMUM(name, compare, instruction) \
+    R_INLINE real name(real a, real b) { return _mm256_##instruction(a, b); }
+#elif LANES == 2 && defined(__SSE2__)
+#define R_EXTREMUM(name, compare, instruction) \
+    R_INLINE real name(real a, real b) { return _mm_##instruction(a, b); }
+#else
+#define R_EXTREMUM(name, compare, instruction) \
+    R_INLINE real name(real a, real b) { return r_blend(compare(a, b), a, b); }
+#endif
+#define R_GREATER(a, b) m_lt(b, a)
+R_EXTREMUM(r_min, m_lt, min_pd)
+R_EXTREMUM(r_max, R_GREATER, max_pd)
+
 /* C's fmin and fmax: a NaN gives way to the other argument.  Where C leaves a choice,
  * between a zero and a zero of the other sign, it is the second argument. */
-R_INLINE real r_fmin(real a, real b) { return r_blend(m_lt(a, b) | m_ne(b, b), a, b); }
-R_INLINE real r_fmax(real a, real b) { return r_blend(m_lt(b, a) | m_ne(b, b), a, b); }
+R_INLINE real r_fmin(real a, real b) { return r_blend(m_ne(b, b), a, r_min(a, b)); }
+R_INLINE real r_fmax(real a, real b) { return r_blend(m_ne(b, b), a, r_max(a, b)); }
 
 /* Floor of any double; -0, inf and NaN are returned as they are.  Below 2^52 in magnitude,
  * adding and subtracting 2^52 rounds to an integer, at most one too high; the sign is put

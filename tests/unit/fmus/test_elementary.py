@@ -40,7 +40,7 @@ INF, NAN = math.inf, math.nan
 UNARY = ["sin", "cos", "tan", "exp", "log", "atan", "asin", "acos"]
 UNARY += ["sqrt", "fabs", "sign", "floor", "ceil", "not", "negate"]
 BINARY = ["atan2", "fmod", "fmin", "fmax", "copysign", "lt"]
-BINARY += ["le", "eq", "ne", "and", "or", "keep_true"]
+BINARY += ["min", "max", "le", "eq", "ne", "and", "or", "keep_true"]
 
 
 @functools.cache
@@ -311,6 +311,8 @@ def test_comparisons_and_selection(lib: Library) -> None:
     same(lib("blend", a, b, a[::-1]), np.where(a != 0, b, a[::-1]))
     same(lib("fmin", a, b), np.where((a < b) | np.isnan(b), a, b))
     same(lib("fmax", a, b), np.where((a > b) | np.isnan(b), a, b))
+    same(lib("min", a, b), np.where(a < b, a, b))
+    same(lib("max", a, b), np.where(a > b, a, b))
     np.testing.assert_array_equal(lib("fmin", a, b), np.fmin(a, b))
     np.testing.assert_array_equal(lib("fmax", a, b), np.fmax(a, b))
 

@@ -38,6 +38,16 @@ def test_a_choice_without_an_elementary_function_is_no_branch() -> None:
     assert not any("m_any" in line for line in lines(ca.if_else(c > 0, x * x, 0), c, x))
 
 
+def test_the_larger_of_a_value_and_a_constant_needs_no_look_for_a_nan() -> None:
+    x, y = ca.SX.sym("x"), ca.SX.sym("y")
+    of_constant = "\n".join(lines(ca.vertcat(ca.fmax(x, 1e-24), ca.fmin(x, 2.0)), x, y))
+    assert "r_max(" in of_constant
+    assert "r_min(" in of_constant
+    assert "r_f" not in of_constant
+    others = "\n".join(lines(ca.vertcat(ca.fmax(x, y), ca.fmin(1.0, y), ca.fmin(x, 1 / y)), x, y))
+    assert others.count("r_fm") == 3
+
+
 @pytest.mark.parametrize("name", COMPONENTS)
 def test_each_state_has_a_place_of_its_own(name: str) -> None:
     places = state_indices(load(name))
