@@ -70,6 +70,8 @@ def lines(possible: Mapping[str, Possible]) -> Iterator[str]:
         whose.setdefault(str(verdict), []).append(name)
     for said, names in whose.items():
         yield said if len(whose) == 1 else f"{said} at the epochs of {', '.join(names)}"
+    caveats = [it.caveat for it in possible.values() if it.caveat]
+    yield from caveats[:1]  # of other epochs it is much the same
 
 
 def notes(possible: Mapping[str, Possible]) -> list[str]:

@@ -18,7 +18,7 @@ from ..scenario.schema import CORE_COMPONENTS
 from .parameters import beacons_of, conditions, model_of, own_beacon
 from .path import path_psd
 from .recursion import Epochs, ReceiverModel, covariances
-from .unknown import left_out
+from .unknown import left_out, squares
 from .verdict import Limits, limits_of
 
 Floats = NDArray[np.float64]
@@ -80,7 +80,8 @@ def reference(
     found = limits_of(epoch, absolute, relative, position - epochs.platform, q, is_bound)
     # With beacons far apart, a position is no bearing, and there is no ring.
     return replace(
-        found, ring=found.ring & (not model.own_errors), without=left_out(scenario)
+        found, ring=found.ring & (not model.own_errors), without=left_out(scenario),
+        left_out=squares(scenario, position, (epoch - record.time_ns[0]) / 1e9),
     )
 
 

@@ -12,14 +12,17 @@ one standard deviation, R σ_α²/2, exceeds the standard deviation along the li
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from math import isfinite, pi, sqrt
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import isfinite, isnan, pi, sqrt
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..shown import Shown
+from ..words.numbers import meters
+from .unknown import matter, sentence
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -51,6 +54,9 @@ class Limits(Shown):
         priors). Otherwise q is a choice, and this is a reference.
     without
         Keys of the scenario whose errors are left out: with them less is possible.
+    left_out
+        Estimated mean squares of these errors [m²], by what they are in words; each (n,). See
+        `sblcosim.limits.unknown`.
     """
 
     epoch_ns: Integers
@@ -61,6 +67,7 @@ class Limits(Shown):
     acceleration_psd: float
     is_bound: bool
     without: tuple[str, ...] = ()
+    left_out: Mapping[str, Floats] = field(default_factory=dict)
 
     @property
     def kind(self) -> str:
@@ -97,6 +104,7 @@ class Limits(Shown):
             accuracy=bool(self.ring[which].mean() <= 0.5),
             acceleration_psd=self.acceleration_psd,
             without=self.without,
+            left_out={words: float(it[which].mean()) for words, it in self.left_out.items()},
         )
 
 
@@ -118,6 +126,8 @@ class Possible:
         q of the diver [m²/s³].
     without
         Keys of the scenario whose errors are left out.
+    left_out
+        Estimated mean square of each [m²], by what it is in words; NaN: not known.
     """
 
     kind: str
@@ -127,6 +137,29 @@ class Possible:
     accuracy: bool
     acceleration_psd: float
     without: tuple[str, ...] = ()
+    left_out: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def matters(self) -> dict[str, float]:
+        """The errors that are left out, RMS [m] by what they are, if they matter."""
+        return matter(self.absolute_rms, self.left_out) if self.accuracy else {}
+
+    @property
+    def with_left_out(self) -> float:
+        """Estimated RMS error that is possible with what is left out [m]; NaN: not known."""
+        return sqrt(self.absolute_rms**2 + sum(self.left_out.values()))
+
+    @property
+    def caveat(self) -> str:
+        """What is left out and matters, in a sentence; empty if there is nothing to say."""
+        if not self.matters:
+            return ""
+        sizes = {
+            words: "" if isnan(it) else f"about {meters(it)}" for words, it in self.matters.items()
+        }
+        together = self.with_left_out
+        with_it = "" if isnan(together) else f"about {meters(together)} RMS is possible with it"
+        return sentence(sizes, with_it)
 
     def to_json(self) -> dict[str, Any]:
         """The result as plain data; numbers that are no accuracy are None."""
@@ -138,6 +171,8 @@ class Possible:
             "bearing_std_deg": float(np.rad2deg(self.bearing_std)),
             "acceleration_psd_m2_s3": self.acceleration_psd,
             "without": list(self.without),
+            "left_out_m": self.matters,
+            "with_left_out_m": self.with_left_out if self.accuracy else None,
         }
 
     def __str__(self) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from math import isfinite, isinf, isnan
+from math import ceil, isfinite, isinf, isnan
 from typing import Any
 
 
@@ -85,8 +85,20 @@ def meters(length: float) -> str:
         return "– m"
     if length >= 1e6:  # from a filter that diverges
         return f"{length:.1e} m"
-    digits = 0 if length >= 9.95 else 1 if length >= 0.995 else 2 if length >= 0.0995 else 3
-    return f"{length:,.{digits}f} m"
+    return f"{length:,.{_digits(length)}f} m"
+
+
+def meters_at_most(length: float) -> str:
+    """An upper bound in m for a sentence, with two leading digits: rounded up."""
+    if not isfinite(length) or length >= 1e6:
+        return meters(length)
+    digits = _digits(length)
+    unit = 10.0**-digits
+    return f"{ceil(length / unit - 1e-9) * unit:,.{digits}f} m"
+
+
+def _digits(length: float) -> int:
+    return 0 if length >= 9.95 else 1 if length >= 0.995 else 2 if length >= 0.0995 else 3
 
 
 def short_length(length: float) -> str:
