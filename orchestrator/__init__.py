@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from . import analysis, limits, require, research, study
     from .api import run
+    from .areas.distance import map_distance
     from .areas.survey import map_area
     from .comparison.budget.run import budget
     from .comparison.many.run import run_many
@@ -56,6 +57,7 @@ __all__ = [
     "limits",
     "load",
     "map_area",
+    "map_distance",
     "questions",
     "receivers",
     "require",
@@ -94,6 +96,7 @@ if not TYPE_CHECKING:  # a checker would take any name for one of ours
             "limits": "",
             "load": "scenario.scenario",
             "map_area": "areas.survey",
+            "map_distance": "areas.distance",
             "questions": "listings",
             "receivers": "listings",
             "require": "",

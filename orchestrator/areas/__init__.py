@@ -11,10 +11,15 @@ from typing import TYPE_CHECKING
 from .. import lazy
 
 if TYPE_CHECKING:
+    from .distance import map_distance
+    from .distance_result import DistanceCurve
     from .result import AreaMap
     from .survey import map_area
 
-__all__ = ["AreaMap", "map_area"]
+__all__ = ["AreaMap", "DistanceCurve", "map_area", "map_distance"]
 
 if not TYPE_CHECKING:  # a checker would take any name for one of ours
-    __getattr__, __dir__ = lazy.names(__name__, {"AreaMap": "result", "map_area": "survey"})
+    __getattr__, __dir__ = lazy.names(__name__, {
+        "AreaMap": "result", "DistanceCurve": "distance_result", "map_area": "survey",
+        "map_distance": "distance",
+    })  # fmt: skip

@@ -15,10 +15,11 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
 from ..data.estimates import Floats
+from ..results.data_sheet import MANY_LOST
 from ..results.figures.drawing import LINE, short
 from ..style import SIZE, Theme, ThemeName, new_figure, use
 from ..words.numbers import meters
-from .result import MANY_LOST, AreaMap, part, widened
+from .result import AreaMap, part, widened
 from .survey import NEAR
 
 if TYPE_CHECKING:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ..errors import ConfigurationError, instance, shortened
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 
 Area = str | Sequence[float]
 """``"60x60"``, north and east [m], about the beacons; ``"-10,50,0,60"``: north from, north to, east
@@ -70,6 +71,15 @@ class Grid:
         return np.stack([north.ravel(), east.ravel(), np.full(self.count, self.depth)], axis=1)
 
     @property
+    def identity(self) -> tuple[object, ...]:
+        """All that says which cells they are."""
+        return self.north, self.east, self.shape, self.depth
+
+    def placed(self, cell: Integers, replicate: Integers, seed: int) -> dict[str, Floats]:
+        """Parameters of the target in some runs: the middle of the circle, that of the cell."""
+        return {"target.center": self.centres[cell, :2]}
+
+    @property
     def axes(self) -> tuple[Floats, Floats]:
         """North of the rows' and east of the columns' centres [m]."""
         return _middles(*self.north, self.rows), _middles(*self.east, self.columns)
@@ -93,7 +103,7 @@ def grid_of(area: Area, depth: float, cells: Cells, middle: Sequence[float]) -> 
     ConfigurationError
         The area has no size, a number is out of range, or there are too few or too many cells.
     """
-    if not _is_number(depth) or not 0 <= depth <= DEEPEST:
+    if not is_number(depth) or not 0 <= depth <= DEEPEST:
         raise ConfigurationError(
             f"map depth: must be a depth below the surface from 0 to {DEEPEST:g} m, got "
             f"{shortened(instance(depth))}"
@@ -112,8 +122,8 @@ def _bounds(area: Area, middle: Sequence[float]) -> tuple[tuple[float, float], t
     """North and east, from and to [m]."""
     parts: Sequence[object] = area if isinstance(area, list | tuple) else ()
     if isinstance(area, str):
-        parts = [_number(part) for part in re.split("x|×" if "," not in area else ",", area)]
-    numbers = [float(part) for part in parts if _is_number(part)]  # type: ignore[arg-type]
+        parts = [number(part) for part in re.split("x|×" if "," not in area else ",", area)]
+    numbers = [float(part) for part in parts if is_number(part)]  # type: ignore[arg-type]
     if len(numbers) != len(parts) or len(numbers) not in (2, 4):
         raise ConfigurationError(
             "map area: must be NORTHxEAST in m, e.g. 60x60, or its bounds NORTH,NORTH,EAST,EAST, "
@@ -138,9 +148,9 @@ def _bounds(area: Area, middle: Sequence[float]) -> tuple[tuple[float, float], t
 
 def _counts(cells: Cells, height: float, width: float) -> tuple[int, int]:
     """Rows and columns."""
-    given = tuple(map(_number, re.split("x|×", cells))) if isinstance(cells, str) else cells
+    given = tuple(map(number, re.split("x|×", cells))) if isinstance(cells, str) else cells
     counts = given if isinstance(given, tuple | list) else (given,)
-    if len(counts) not in (1, 2) or not all(_is_number(c) and c == int(c) for c in counts):
+    if len(counts) not in (1, 2) or not all(is_number(c) and c == int(c) for c in counts):
         raise ConfigurationError(
             "map cells: must be a whole number along the longer side, or NORTHxEAST, e.g. 40x60, "
             f"got {shortened(instance(cells))}"
@@ -155,13 +165,15 @@ def _counts(cells: Cells, height: float, width: float) -> tuple[int, int]:
     return max(round(height / side), 2), max(round(width / side), 2)
 
 
-def _number(text: str) -> float:
+def number(text: str) -> float:
+    """The number in a text; NaN if it is none."""
     try:
         return float(text)
     except ValueError:
         return float("nan")
 
 
-def _is_number(value: object) -> bool:
-    is_number = isinstance(value, int | float | np.integer | np.floating)
-    return is_number and not isinstance(value, bool) and isfinite(value)  # type: ignore[arg-type]
+def is_number(value: object) -> bool:
+    """Whether something is a finite number."""
+    known = isinstance(value, int | float | np.integer | np.floating)
+    return known and not isinstance(value, bool) and isfinite(value)  # type: ignore[arg-type]

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from math import ceil
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -17,15 +18,21 @@ from .. import artifacts, style
 from ..answer import Answer
 from ..catalogue import Figure, Job, by_name, jobs
 from ..judge.definitions import LOST
+from ..judge.pooling import effective
 from ..layout import fitted
 from ..lazy import Module
+from ..results import data_sheet
+from ..results.data_sheet import MANY_LOST
+from ..scenario.arrangement import has_own_errors
 from ..scenario.scenario import Scenario
 from ..shown import Picture
 from ..tracks.place import Origin
 from ..words.lists import counted
-from ..words.numbers import meters
+from ..words.numbers import meters, number
+from ..words.shares import rough_percent
 from . import contours
 from .grid import Grid
+from .possible import caveat
 from .tables import CELLS
 
 if TYPE_CHECKING:
@@ -34,8 +41,6 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 TABLE, GEOJSON = "cells", "contours.geojson"
-MANY_LOST = 0.05
-"""Share of lost runs that the 95 % of a cell does not show."""
 NOISE, FLAT = 20.0, 0.2
 """What the colours span at least: standard errors, and share of their middle."""
 _figures = Module("sblcosim.areas.figures")
@@ -72,6 +77,9 @@ class AreaMap(Answer):
         On Earth, if the scenario says where it is.
     doubt
         What the receiver is not made for, in words; empty if there is nothing to say.
+    left_out
+        Estimated RMS of errors that what is possible leaves out and that matter [m], by what they
+        are in words; each as long as the table.
     """
 
     document = "map"
@@ -87,6 +95,7 @@ class AreaMap(Answer):
     beacons: Floats
     origin: Origin | None
     doubt: str = ""
+    left_out: Mapping[str, Floats] = field(default_factory=dict)
 
     @property
     def limit_m(self) -> float | None:
@@ -172,13 +181,16 @@ class AreaMap(Answer):
                 "scenario_name": self.scenario.name, "receiver": self.receiver,
                 "settings": self.settings, "motion": self.motion, "summary": self.summary(),
                 "failures": self.failures, "doubt": self.doubt or None,
+                "caveat": caveat(self.left_out) or None,
+                "data_sheet": self.data_sheet,
             }
         )
         return plain
 
     def manifest(self) -> dict[str, Any]:
         """What was simulated, and what came of it."""
-        made = {key: it for key, it in self.to_json().items() if key != "doubt"}
+        words = ("doubt", "caveat", "data_sheet")
+        made = {key: it for key, it in self.to_json().items() if key not in words}
         return {"map": made, "scenario": self.scenario.dump_toml()}
 
     def write(
@@ -220,8 +232,45 @@ class AreaMap(Answer):
 
     @property
     def answer(self) -> str:
-        """Errors, what is possible, and where the requirement is kept, a line each."""
-        return "\n".join(self._answers())
+        """Errors, what is possible, where the requirement is kept, the data sheet; a line each."""
+        return "\n".join([*self._answers(), self.data_sheet])
+
+    @property
+    def data_sheet(self) -> str:
+        """A sentence for a data sheet, or why there is none."""
+        s, cells = self.settings, self.cells
+        least = ceil(data_sheet.LEAST_RUNS / effective(self.grid.shape))
+        if s["runs"] < least:
+            return data_sheet.too_few(s["runs"], " in each cell", least)
+        with np.errstate(invalid="ignore"):
+            bound = float((cells["p95_m"] + data_sheet.CERTAIN * cells["std_error_m"]).max())
+        if not np.isfinite(bound):
+            return (
+                "no data-sheet sentence: in some cells about 5 % of the runs or more have no "
+                "estimate"
+            )
+        said = data_sheet.sentence(
+            self.receiver, bound, f"everywhere in {self._place()}, at {self.grid.depth:g} m depth",
+            self.scenario, f"{s['runs']:,} runs in each of {self.grid.count:,} cells", s["error"],
+        )  # fmt: skip
+        lost = float(cells["lost_share"].max())
+        return said if lost <= MANY_LOST else (
+            f"{said}; up to {rough_percent(lost)} of a cell's runs are lost"
+        )
+
+    def _place(self) -> str:
+        """The area in words: its size about the beacons, or its bounds."""
+        grid = self.grid
+        (south, north), (west, east) = grid.north, grid.east
+        middle = self.beacons.mean(0)
+        if np.allclose([south + north, west + east], 2 * middle[:2], atol=1e-6):
+            own = has_own_errors(self.scenario.platform)
+            about = "the middle of the beacons" if own else "the platform"
+            return f"{number(north - south)} m × {number(east - west)} m about {about}"
+        return (
+            f"the area from {number(south)} to {number(north)} m north and from {number(west)} to "
+            f"{number(east)} m east"
+        )
 
     @property
     def remarks(self) -> list[str]:
@@ -250,6 +299,8 @@ class AreaMap(Answer):
         )
         if found["lost_share"]:
             yield LOST
+        if not self.data_sheet.startswith("no "):
+            yield data_sheet.NOTE
         yield (
             "95 %: of the errors of all runs of a cell and its neighbours; each run is represented "
             "by ten order statistics of its errors, the 5th, 15th … 95th percentile"
@@ -279,6 +330,8 @@ class AreaMap(Answer):
               f"{s['duration_s']:g} s"
         if self.doubt:
             yield self.doubt
+        if self.left_out:
+            yield caveat(self.left_out)
 
     def _gist(self) -> str:
         return f"of {self.receiver}, {self.grid.count:,} cells"

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, overload
+from typing import Any, Protocol, overload
 
 import numpy as np
 import pandas as pd
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from sblcosim.fmus.host.nanoseconds import nanoseconds
 
 from ..errors import ConfigurationError, instance, shortened
+from ..judge.pooling import PERCENTAGES
 from ..results.responses import Percentile
 from ..results.sums import responses
 from ..scenario.scenario import Scenario, Source
@@ -27,14 +28,11 @@ from ..study.groups import Point
 from ..study.kept import Kept, sound
 from ..study.runner import kept_together
 from ..study.store import at_work
-from .grid import Grid
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
-PERCENTAGES = tuple(range(5, 100, 10))
-"""Of the order statistics that stand for a run's errors: the middles of ten parts of equal size."""
 _LENGTHS = tuple(f"p{p}" for p in PERCENTAGES)
 _TOGETHER = 100_000
 """Runs whose sums are in memory at a time."""
@@ -55,27 +53,51 @@ class CellRuns:
         Whether it is lost, broken or without an estimate; (runs,).
     availability
         Share of the time with a valid estimate; (runs,).
+    rms
+        Root mean square of the lengths [m], NaN without an estimate; (runs,).
     """
 
     cell: Integers
     lengths: Floats
     lost: Flags
     availability: Floats
+    rms: Floats
 
     def __add__(self, other: CellRuns) -> CellRuns:
         return CellRuns(*(
             np.concatenate([getattr(self, name), getattr(other, name)])
-            for name in ("cell", "lengths", "lost", "availability")
+            for name in ("cell", "lengths", "lost", "availability", "rms")
         ))
 
 
+class Whereabouts(Protocol):
+    """Where divers are: the cells of an area, or distances from the platform."""
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+
+    @property
+    def identity(self) -> tuple[object, ...]:
+        """All that says which they are."""
+
+    def placed(self, cell: Integers, replicate: Integers, seed: int) -> dict[str, Floats]:
+        """Parameters of the target in some runs, by name; each (runs, …)."""
+
+
 class Simulator:
-    """Runs of a receiver in the cells of a grid; each run has a seed that no other one has.
+    """Runs of a receiver in some cells; each run has a seed that no other one has.
 
     Parameters
     ----------
     scenario
         Whose diver circles about the origin; see `motion.circling`.
+    cells
+        Where.
     error
         Which length, of `sblcosim.simulation.masters.lanes_driver.LENGTHS`.
 
@@ -88,9 +110,10 @@ class Simulator:
     """
 
     def __init__(
-        self, scenario: Scenario, receiver: Source | None, grid: Grid, error: str, settling_s: float
+        self, scenario: Scenario, receiver: Source | None, cells: Whereabouts, error: str,
+        settling_s: float,
     ) -> None:
-        self.grid, self.base = grid, scenario
+        self.cells, self.base, self.error = cells, scenario, error
         definition = study.load(
             {
                 "name": "map", "scenario": scenario.given(), "settling_time_s": settling_s,
@@ -114,7 +137,7 @@ class Simulator:
 
     def seeds(self, cell: Integers, replicate: Integers) -> Integers:
         """Seed of each run; replicates count from 0."""
-        seeds = self.base.seed + replicate * self.grid.count + cell
+        seeds = self.base.seed + replicate * self.cells.count + cell
         last = int(seeds.max(initial=0))
         if SEED.max is not None and last > SEED.max:
             raise ConfigurationError(
@@ -129,7 +152,7 @@ class Simulator:
         for number in np.unique(replicate).tolist():
             draw = np.random.Generator(np.random.Philox(key=[self.base.seed, number]))
             some = replicate == number
-            found[some] = draw.uniform(-np.pi, np.pi, self.grid.count)[cell[some]]
+            found[some] = draw.uniform(-np.pi, np.pi, self.cells.count)[cell[some]]
         return found
 
     def run(
@@ -175,8 +198,7 @@ class Simulator:
 
     def _identity(self) -> tuple[object, ...]:
         """All that makes a run but its cell and its number."""
-        grid = self.grid
-        return (self.campaign.digest, self.base.seed, grid.north, grid.east, grid.shape, grid.depth)
+        return (self.campaign.digest, self.base.seed, *self.cells.identity, "rms")
 
     def _part(
         self,
@@ -187,7 +209,7 @@ class Simulator:
     ) -> pd.DataFrame:
         """A row for each run."""
         values: dict[str, Floats] = {
-            "target.center": self.grid.centres[cell, :2],
+            **self.cells.placed(cell, replicate, self.base.seed),
             "target.heading": self.bearings(cell, replicate),
         }
         group = replace(
@@ -205,7 +227,7 @@ class Simulator:
             "point": cell + 1, "replicate": replicate + 1, "seed": seeds,
             "run_id": [run.run_id for run in runs], "error": np.array(errors, object),
             "lost": lost, "availability": judged["availability"].to_numpy(float),
-            **dict(zip(_LENGTHS, lengths.T, strict=True)),
+            "rms": _rms(judged, self.error), **dict(zip(_LENGTHS, lengths.T, strict=True)),
         })  # fmt: skip
 
     def _sample(self, rows: pd.DataFrame) -> CellRuns:
@@ -219,8 +241,17 @@ class Simulator:
             )
         return CellRuns(
             rows["point"].to_numpy() - 1, rows[[*_LENGTHS]].to_numpy(),
-            rows["lost"].to_numpy(bool), rows["availability"].to_numpy(),
+            rows["lost"].to_numpy(bool), rows["availability"].to_numpy(), rows["rms"].to_numpy(),
         )  # fmt: skip
+
+
+def _rms(judged: pd.DataFrame, error: str) -> Floats:
+    """Root mean square of a length in each run [m]."""
+    frame, _, what = error.rpartition("_")
+    axes = ("x", "y") if what == "horizontal" else ("x", "y", "z")
+    squares = [judged[f"{frame}_{axis}_rms_m"].to_numpy(float) ** 2 for axis in axes]
+    roots: Floats = np.sqrt(np.sum(squares, axis=0))
+    return roots
 
 
 def _runs(seeds: Integers) -> list[Run]:

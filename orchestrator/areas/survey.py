@@ -14,6 +14,7 @@ from sblcosim.fmus.stopping import interruptible
 from sblcosim.models import RECEIVERS
 
 from ..errors import ConfigurationError, check_choice, instance, shortened
+from ..judge.pooling import Pooled, pooled
 from ..limits.places import still_beacons
 from ..scenario.files import naming_files
 from ..scenario.overrides import Changes
@@ -25,8 +26,7 @@ from ..simulation.masters.lanes_driver import LENGTHS
 from ..study.kept import Kept
 from .grid import Area, Cells, Grid, grid_of
 from .motion import RADIUS, Circle, circle_of, circling
-from .pooling import Pooled, pooled
-from .possible import PossibleInCells, possible
+from .possible import PossibleInCells, left_out, possible
 from .result import AreaMap
 from .runs import CellRuns, Simulator, check_times
 
@@ -69,7 +69,7 @@ def map_area(
 
     In each cell a diver circles about its middle, run by run from another bearing and with other
     noise than in all other runs. The errors of all epochs and runs make one distribution, pooled
-    with those of neighbouring cells (`sblcosim.areas.pooling`); its 95th percentile is the number
+    with those of neighbouring cells (`sblcosim.judge.pooling`); its 95th percentile is the number
     of the cell. With a limit, a second round of runs goes to the cells whose interval of two
     standard errors has the limit in it: up to a fourth of those of the first round.
 
@@ -112,16 +112,16 @@ def map_area(
     FmuError
         An FMU cannot be built or is broken.
     """
-    told = progress or _silent
+    told = progress or silent
     given = load(scenario, overrides)
     check_choice("map error", error, LENGTHS)
     check_times(duration_s, settling_s)
-    _check(given, limit_m, runs, workers)
+    check(given, limit_m, runs, workers)
     circle = circle_of(given, radius_m, speed_m_s, duration_s)
     grid = grid_of(area, depth, cells, still_beacons(given).mean(0)[:2].tolist())
     moving = circling(given, circle, grid.depth, duration_s)
     simulator = Simulator(moving, receiver, grid, error, settling_s)
-    _check_work(simulator, grid.count * runs)
+    check_work(simulator, grid.count * runs)
     span_s = (settling_s, duration_s)
     best = possible(moving, grid, circle, error, span_s, workers)
     told(_FIRST_PART)
@@ -137,11 +137,12 @@ def map_area(
         scenario=moving, receiver=simulator.receiver, settings=settings, motion=str(circle),
         grid=grid, cells=_table(grid, sample, found, best), failures=simulator.failures,
         beacons=still_beacons(given), origin=origin_of(moving.place),
-        doubt=_doubt(circle, moving, simulator.receiver, receiver),
+        doubt=doubt_of(circle, moving, simulator.receiver, receiver),
+        left_out=left_out(moving, grid, best, (settling_s, duration_s)),
     )  # fmt: skip
 
 
-def _doubt(circle: Circle, scenario: Scenario, label: str, receiver: Source | None) -> str:
+def doubt_of(circle: Circle, scenario: Scenario, label: str, receiver: Source | None) -> str:
     """Whether the circle is too fast for a receiver of ours; nothing is known of others."""
     own = receiver or scenario.receiver.fmu or scenario.receiver.type
     key = "acceleration_psd_m2_s3"
@@ -161,7 +162,7 @@ def _surveyed(
     keep: Kept | None,
 ) -> tuple[CellRuns, Pooled]:
     """The runs of both rounds, and what they say."""
-    grid, seed = simulator.grid, simulator.base.seed
+    grid, seed = simulator.cells, simulator.base.seed
     first = grid.count * runs
     most = first + (0 if limit_m is None else first // _EXTRA)
     done = 0
@@ -224,9 +225,7 @@ def _table(grid: Grid, sample: CellRuns, pooling: Pooled, best: PossibleInCells)
     )  # fmt: skip
 
 
-def _check(
-    scenario: Scenario, limit_m: float | None, runs: int, workers: int | None
-) -> None:
+def check(scenario: Scenario, limit_m: float | None, runs: int, workers: int | None) -> None:
     """Refuse numbers out of range, and components of others."""
     if limit_m is not None and not (isinstance(limit_m, int | float) and 0 < limit_m < np.inf):
         raise ConfigurationError(
@@ -251,7 +250,7 @@ def _check(
             )
 
 
-def _check_work(simulator: Simulator, runs: int) -> None:
+def check_work(simulator: Simulator, runs: int) -> None:
     """Refuse more runs of somebody's receiver than end in reasonable time."""
     if simulator.in_lanes:
         return
@@ -264,5 +263,5 @@ def _check_work(simulator: Simulator, runs: int) -> None:
         )
 
 
-def _silent(share: float) -> None:
+def silent(share: float) -> None:
     """Ignore progress."""

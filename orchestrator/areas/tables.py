@@ -25,3 +25,31 @@ CELLS = Columns(
     ),
 )  # fmt: skip
 """Rows of the area from south to north, each from west to east."""
+
+DISTANCES = Columns(
+    "DistanceRow",
+    "Divers at a distance from the platform.",
+    (),
+    (
+        TableColumn("depth_m", "Of the diver.", "m", "depth"),
+        TableColumn("distance_m", "Horizontal, from the middle of the beacons to that of the "
+                    "diver's circle.", "m", "distance"),
+        TableColumn("runs", "There.", type=int),
+        TableColumn("rms_m", "Root of the mean over the runs of their mean squares; runs without "
+                    "an estimate are left out.", "m", "RMS error"),
+        TableColumn("p95_m", "Radius that holds 95 % of the estimates; infinite where more than "
+                    "5 % of the runs have none.", "m", "95 % within"),
+        TableColumn("std_error_m", "Of p95_m.", "m"),
+        TableColumn("bound_m", "p95_m and two standard errors, for the data sheet.", "m",
+                    "95 % at most"),
+        TableColumn("lost_share", "Share of the runs that are lost.", heading="lost"),
+        TableColumn("availability", "Share of the time with a fix."),
+        TableColumn("possible_rms_m", "RMS error that is possible; missing where there is no "
+                    "accuracy.", "m", "possible RMS"),
+        TableColumn("possible_p95_m", "Radius that holds 95 % of what is possible; missing where "
+                    "there is no accuracy.", "m", "possible 95 %"),
+        TableColumn("accuracy", "Whether any accuracy is possible.", type=bool),
+    ),
+    "errors",
+)  # fmt: skip
+"""Rows by depth, then by distance."""

@@ -13,18 +13,19 @@ from __future__ import annotations
 import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from sblcosim.fmus import stopping
-
-from .runs import CellRuns
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 SHARE = 0.95
 """Of the errors, that a percentile is not exceeded by."""
+PERCENTAGES = tuple(range(5, 100, 10))
+"""Of the order statistics that stand for a run's errors: the middles of ten parts of equal size."""
 REACH = 2
 """Cells each way that are pooled with a cell."""
 DRAWS = 100
@@ -36,6 +37,19 @@ _AROUND = 1.0
 _MOST_BINS = 2000
 _NOTHING = -30.0
 """Logarithm of an error that is none."""
+
+
+class RunsInCells(Protocol):
+    """Some runs, each in a cell."""
+
+    @property
+    def cell(self) -> Integers:
+        """Index of each run's cell; (runs,)."""
+
+    @property
+    def lengths(self) -> Floats:
+        """Order statistics of the lengths of its errors [m], `PERCENTAGES`, infinite without an
+        estimate; (runs, len(PERCENTAGES))."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,11 +67,12 @@ class Pooled:
 
 
 def pooled(
-    sample: CellRuns,
+    sample: RunsInCells,
     possible: Floats,
     shape: tuple[int, int],
     seed: int,
     workers: int | None = None,
+    reach: int = REACH,
 ) -> Pooled:
     """The percentile of the errors in each cell, and its standard error.
 
@@ -72,6 +87,8 @@ def pooled(
         Of the bootstrap.
     workers
         Threads; the result does not depend on them.
+    reach
+        Cells each way that are pooled with a cell; 0: each stands for itself.
     """
     scale = np.where(np.isfinite(possible) & (possible > 0), possible, 1.0)
     with np.errstate(divide="ignore"):
@@ -79,7 +96,7 @@ def pooled(
     known = relative[np.isfinite(relative)]
     span = (known.min(), known.max()) if len(known) else (_NOTHING, _NOTHING)
     once = np.ones(len(sample.cell))
-    middle = _percentile(_counted(sample.cell, relative, span, shape), once)
+    middle = _percentile(_counted(sample.cell, relative, span, shape), once, reach)
     found = middle[np.isfinite(middle)]
     if len(found):
         span = (max(span[0], found.min() - _AROUND), min(span[1], found.max() + _AROUND))
@@ -89,7 +106,7 @@ def pooled(
         stopping.check()
         draw = np.random.Generator(np.random.Philox(key=[seed, number]))
         times = draw.poisson(1.0, len(sample.cell)).astype(np.float64)
-        return np.exp(_percentile(counted, times))
+        return np.exp(_percentile(counted, times, reach))
 
     with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
         futures = [pool.submit(drawn, number) for number in range(DRAWS)]
@@ -99,13 +116,22 @@ def pooled(
     return Pooled(np.exp(middle) * scale, spread * scale)
 
 
-def neighbours(values: Floats) -> Floats:
+def effective(shape: tuple[int, int]) -> float:
+    """Number of runs that count in the cell with fewest, for one run in each: (Σw)²/Σw²."""
+    count = 1.0
+    for size in shape:
+        weights = np.exp(-0.5 * np.arange(min(size, REACH + 1)) ** 2)
+        count *= float(weights.sum() ** 2 / (weights**2).sum())
+    return count
+
+
+def neighbours(values: Floats, reach: int = REACH) -> Floats:
     """Sums over the neighbours of each cell, with their weights; (rows, columns, …)."""
-    weights = np.exp(-0.5 * np.arange(-REACH, REACH + 1) ** 2)
+    weights = np.exp(-0.5 * np.arange(-reach, reach + 1) ** 2)
     for axis in (0, 1):
         moved = np.moveaxis(values, axis, 0)
         total = np.zeros_like(moved)
-        for offset, weight in zip(range(-REACH, REACH + 1), weights.tolist(), strict=True):
+        for offset, weight in zip(range(-reach, reach + 1), weights.tolist(), strict=True):
             here, there = slice(max(-offset, 0), None), slice(max(offset, 0), None)
             length = max(len(moved) - abs(offset), 0)
             total[here][:length] += weight * moved[there][:length]
@@ -135,13 +161,13 @@ def _counted(
     return _Counted((cell[:, None] * (inner + 3) + bins).astype(np.int64), edges, shape)
 
 
-def _percentile(counted: _Counted, times: Floats) -> Floats:
+def _percentile(counted: _Counted, times: Floats, reach: int) -> Floats:
     """Logarithm of the percentile in each cell, each run counted as `times` says; (cells,)."""
     size = len(counted.edges) + 2
     rows, columns = counted.cells
     each = np.broadcast_to(times[:, None], counted.index.shape).ravel()
     binned = np.bincount(counted.index.ravel(), each, rows * columns * size).astype(np.float64)
-    counts = neighbours(binned.reshape(rows, columns, size)).reshape(-1, size)
+    counts = neighbours(binned.reshape(rows, columns, size), reach).reshape(-1, size)
     below = np.cumsum(counts, axis=1)
     wanted = SHARE * below[:, -1]
     bins = np.fmin((below < wanted[:, None]).sum(axis=1), size - 1)

@@ -27,6 +27,7 @@ LONG_FUNCTIONS = {
     "analysis.advice.of_study.advice_on_study": _OPTIONS,
     "analysis.workflow.of_table": _OPTIONS,
     "api.run": _OPTIONS,
+    "areas.distance.map_distance": _OPTIONS,
     "areas.survey.map_area": _OPTIONS,
     "calibrate.calibrate": _OPTIONS,
     "cli.commands.areas.map_": _COMMAND,

@@ -1,14 +1,16 @@
-"""The command that maps the error of a receiver over an area."""
+"""The command that maps the error of a receiver over an area, or against the distance."""
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from contextlib import redirect_stdout
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from ...errors import ConfigurationError
 from ..common import completion
 from ..common.app import (
     ForceOption,
@@ -18,6 +20,7 @@ from ..common.app import (
     ScenarioArgument,
     SeedOption,
     SetOption,
+    VerboseOption,
     app,
     destination,
     numeric,
@@ -28,22 +31,37 @@ from ..common.app import (
 )
 from ..common.keeping import keeping
 
+if TYPE_CHECKING:
+    from ...answer import Answer
+
 _ERRORS = ("absolute_total", "absolute_horizontal", "relative_total", "relative_horizontal")
 
 
 @app.command("map")
 def map_(
     scenario: ScenarioArgument,
+    depth: Annotated[
+        list[float],
+        numeric("--depth", float, "M", "Depth of the diver in m; with --distance several times."),
+    ],
     area: Annotated[
-        str,
+        str | None,
         typer.Option(
             "--area",
             metavar="NORTHxEAST|N,N,E,E",
             help="Its size in m about the beacons, e.g. 60x60, or its bounds: north from and to, "
             "east from and to.",
         ),
-    ],
-    depth: Annotated[float, numeric("--depth", float, "M", "Depth of the diver in m.")],
+    ] = None,
+    distance: Annotated[
+        str | None,
+        typer.Option(
+            "--distance",
+            metavar="TO|FROM,TO",
+            help="In place of an area: distances from the platform in m, e.g. 60, in all "
+            "directions.",
+        ),
+    ] = None,
     receiver: OneReceiverOption = None,
     set_: SetOption = None,
     limit: Annotated[
@@ -51,14 +69,18 @@ def map_(
         numeric("--limit", float, "M", "The requirement in m: its contour, and more runs near it."),
     ] = None,
     cells: Annotated[
-        str,
+        str | None,
         typer.Option(
             "--cells",
             metavar="N|NORTHxEAST",
-            help="Cells along the longer side, or both numbers.",
+            help="Cells along the longer side, or both numbers; number of distances [default: 60; "
+            "21 distances].",
         ),
-    ] = "60",
-    runs: Annotated[int, numeric("--runs", int, "N", "Runs in each cell.")] = 20,
+    ] = None,
+    runs: Annotated[
+        int | None,
+        numeric("--runs", int, "N", "Runs in each cell [default: 20; 500 at a distance]."),
+    ] = None,
     error: Annotated[
         str,
         typer.Option(
@@ -92,27 +114,59 @@ def map_(
     as_json: JsonOption = False,
     seed: SeedOption = None,
     no_figures: NoFiguresOption = False,
+    verbose: VerboseOption = False,
 ) -> None:
-    """Map the 95 % error of a receiver over an area, beside what is possible there.
+    """Map the 95 % error of a receiver over an area, or against the distance from the platform.
 
-    In each cell a diver circles about its middle. The errors of all epochs and runs are pooled with
-    those of neighbouring cells. Cells as a table, figures, and, where the scenario has a place on
-    Earth, contours as GeoJSON go to a folder. After Ctrl-C or a crash the same command goes on.
+    With --area, a diver circles about the middle of each cell. The errors of all epochs and runs
+    are pooled with those of neighbouring cells. Cells as a table, figures, and, where the scenario
+    has a place on Earth, contours as GeoJSON go to a folder. With --distance, divers circle at each
+    distance in all directions; the answer is a sentence for a data sheet, a table and a figure.
+    What is possible stands beside both. After Ctrl-C or a crash the same command goes on.
     """
     # What a user's code prints is no part of the result.
     with waiting() as progress, redirect_stdout(sys.stderr):
         from ... import artifacts
+        from ...areas.distance import map_distance
         from ...areas.survey import map_area
         from ...scenario.scenario import load
 
+        where = _where(area, distance, depth)
         given = load(scenario, overrides(set_, seed))
-        wanted, other = destination(out, Path("runs", f"{given.name}-map"), force)
+        name = f"{given.name}-{'map' if distance is None else 'distance'}"
+        wanted, other = destination(out, Path("runs", name), force)
         artifacts.check(wanted, other=other)
+        numbers: dict[str, Any] = {"cells": cells, "runs": runs}
+        mapped: Callable[..., Answer] = map_area if distance is None else map_distance
         with keeping(wanted) as keep:
-            found = map_area(
-                given, area, depth, one_receiver(receiver), limit_m=limit, cells=cells, runs=runs,
-                error=error, duration_s=duration, settling_s=settling, radius_m=radius,
-                speed_m_s=speed, workers=workers, progress=progress, keep=keep,
+            found = mapped(
+                given, *where, one_receiver(receiver), limit_m=limit, error=error,
+                duration_s=duration, settling_s=settling, radius_m=radius, speed_m_s=speed,
+                workers=workers, progress=progress, keep=keep,
+                **{key: it for key, it in numbers.items() if it is not None},
             )
             folder = found.save(wanted, figures=not no_figures, other=other)
-    report(found, folder, wanted, as_json)
+    report(found, folder, wanted, as_json, verbose)
+
+
+def _where(area: str | None, distance: str | None, depth: list[float]) -> tuple[Any, Any]:
+    """The area and its depth, or the distance and its depths.
+
+    Raises
+    ------
+    ConfigurationError
+        None or both are given, or an area at several depths.
+    """
+    if (area is None) == (distance is None):
+        raise ConfigurationError(
+            "--area: must be given, or --distance, got neither" if area is None else
+            f"--distance: must be left out with --area, got {distance}"
+        )
+    if area is None:
+        return distance, depth
+    if len(depth) > 1:
+        raise ConfigurationError(
+            f"--depth: must be given once with --area, got {len(depth)} depths; --distance takes "
+            "several"
+        )
+    return area, depth[0]

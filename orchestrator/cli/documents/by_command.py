@@ -12,7 +12,7 @@ from ...answer import Answer
 from ...judge.columns import ERRORS, PERCENTILES, SUMMARY
 from ...results.range_test import RANGE_TEST
 from ...scenario.json_schema import Plainly
-from .areas import Map
+from .areas import Distances, Map
 from .budgets import Budget
 from .document import Claimed, Document, DocumentPart, Entry, Number, by_index, part_of
 from .studies import Advice, Analysis, Questions, Requirement, Studies, Study
@@ -84,6 +84,10 @@ class Possible(DocumentPart):
     acceleration_psd_m2_s3: float
     without: list[str]
     """Keys of ``[platform]`` whose errors are left out: with them less is possible."""
+    left_out_m: dict[str, Number]
+    """Estimated RMS of these errors, by what they are, if they matter; null: not known."""
+    with_left_out_m: Number
+    """Estimated RMS error that is possible with them."""
 
 
 class Run(Document):
@@ -244,6 +248,7 @@ DOCUMENTS: Mapping[str, type[Document]] = {
     "plan": Plan,
     "calibrate": Calibration,
     "map": Map,
+    "distances": Distances,
     "scenarios": Scenarios,
     "receivers": Receivers,
     "study": Study,
@@ -257,7 +262,9 @@ DOCUMENTS: Mapping[str, type[Document]] = {
     "conformance": Conformance,
 }
 """By command."""
-COMMANDS: Mapping[str, str] = {it: it for it in DOCUMENTS} | {"runs": "run --runs N"}
+COMMANDS: Mapping[str, str] = {it: it for it in DOCUMENTS} | {
+    "runs": "run --runs N", "distances": "map --distance M",
+}  # fmt: skip
 """What prints a document."""
 
 

@@ -51,6 +51,8 @@ class Runs(Document):
     seed: int
     """Of the first run."""
     receivers: list[str]
+    data_sheet: list[str]
+    """A sentence for a data sheet for each receiver, or why there is none."""
     levels: list[Level]
     drawn: dict[Literal["typical", "worst"], DrawnRun]
     """Empty if the first receiver has failed in all runs."""

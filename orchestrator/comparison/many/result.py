@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -13,12 +14,14 @@ from ...answer import Answer
 from ...catalogue import Job
 from ...judge.definitions import LOST
 from ...layout import fitted
+from ...results.data_sheet import NOTE as SHEET
 from ...results.result import Result
 from ...words.numbers import measured
 from ..common.evaluation import PERCENTILE, receivers_in
 from ..common.tables import LEVELS
 from ..tournament import sentences
 from ..tournament.result import RESPONSE, Tournament, drawings
+from . import data_sheet
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -81,7 +84,7 @@ class Many(Answer):
         it, lines = self.runs, list[str]()
         for receiver in self.receivers:
             lines += sentences.beside(it, self.scenario_name, receiver)
-        return [*lines, *sentences.unbounded(it)]
+        return [*lines, *sentences.unbounded(it), *self._unsaid]
 
     def rms_m(self, which: str) -> float:
         """RMS total error of the first receiver in a run that is drawn [m]."""
@@ -111,6 +114,16 @@ class Many(Answer):
         ]
         return "\n".join(["; ".join([lines[0], *told]), *lines[1:]])
 
+    @cached_property
+    def data_sheet(self) -> list[str]:
+        """A sentence for a data sheet for each receiver, or why there is none."""
+        return [*data_sheet.sentences(self.runs, self.receivers, [*self.drawn.values()])]
+
+    @property
+    def _unsaid(self) -> list[str]:
+        """Why there is no such sentence."""
+        return [line for line in self.data_sheet if line.startswith("no ")]
+
     @property
     def problems(self) -> list[str]:
         """A line for each receiver that has failed in all runs."""
@@ -127,7 +140,8 @@ class Many(Answer):
             Columns to fit into; None: sentences are not wrapped.
         """
         it, place = self.runs, self.scenario_name
-        lines = [self.answer, ""]
+        said = [line for line in self.data_sheet if line not in self._unsaid]
+        lines = [self.answer, *([""] if said else []), *said, ""]
         lines += [f"{place}: {it.settings['runs']} runs, seeds from {it.settings['seed']}"]
         lines += [*sentences.levels(it, place, width)]
         lines += ["", *sentences.spreads(it, place, width)]
@@ -137,7 +151,7 @@ class Many(Answer):
             if verbose:
                 said = it.level(place, receiver)["covariance_words"]
                 lines.append(f"{receiver}: covariance {said}")
-        lines += sentences.unbounded(it)
+        lines += [*sentences.unbounded(it), *self._unsaid, *([SHEET] if said else [])]
         rows = [it.level(place, receiver) for receiver in self.receivers]
         if verbose or any(row["lost"] for row in rows):
             lines.append(LOST)
@@ -163,6 +177,7 @@ class Many(Answer):
         plain: dict[str, Any] = artifacts.plain({
             "scenario_name": self.scenario_name,
             "answer": self.answer,
+            "data_sheet": self.data_sheet,
             "runs": self.runs.settings["runs"],
             "seed": self.runs.settings["seed"],
             "receivers": self.receivers,

@@ -17,9 +17,10 @@ from ...scenario.files import naming_files
 from ...scenario.scenario import Receivers, Scenario, load
 from ...simulation.children.process import patient
 from ...study.kept import Kept
-from ..common.evaluation import receivers_in
+from ..common.evaluation import PERCENTILE, receivers_in
 from ..tournament.result import RESPONSE
 from ..tournament.run import compare
+from .data_sheet import RESPONSES
 from .result import TYPICAL, WORST, Many
 
 if TYPE_CHECKING:
@@ -73,6 +74,7 @@ def run_many(
     comparison = compare(
         settled, receiver, runs=runs, seed=settled.seed,
         workers=workers, master=master, step_timeout=step_timeout, timed=False, keep=keep,
+        percentiles=[it for it in RESPONSES if it.name != PERCENTILE],
         progress=None if progress is None else lambda share, _: progress(0.9 * share),
     )  # fmt: skip
     seeds = _chosen(comparison.table, receivers_in(comparison.table)[0])

@@ -20,7 +20,7 @@ from sblcosim.fmus.stopping import interruptible
 
 from ...errors import ConfigurationError, instance, nearest, quoted, shortened
 from ...judge.definitions import AXES, FRAMES
-from ...results.responses import ON_REQUEST, RESPONSES
+from ...results.responses import ON_REQUEST, RESPONSES, Percentile
 from ...results.user_responses import of_file, of_function
 from ...scenario.files import naming_files
 from ...scenario.overrides import pairs
@@ -68,6 +68,7 @@ def compare(
     timed: bool = True,
     progress: Callable[[float, str], None] | None = None,
     keep: Kept | None = None,
+    percentiles: Sequence[Percentile] = (),
 ) -> Tournament:
     """Let receivers run on the same noise, and say which is better.
 
@@ -101,6 +102,8 @@ def compare(
         Called with the completed share, 0 to 1, and what is being done.
     keep
         Where finished runs are kept, which are not done again; None: nothing is written.
+    percentiles
+        Further percentiles of a run's errors that the table of runs is to have.
 
     Raises
     ------
@@ -115,7 +118,8 @@ def compare(
     keys.pop("seed", None)
     about = {
         "replicates": runs, "settling_time_s": settling_s, "seed": 1 if first is None else first,
-        "responses": [PERCENTILE, *(() if asked in (None, PERCENTILE) else (asked,))],
+        "responses": [PERCENTILE, *(() if asked in (None, PERCENTILE) else (asked,)),
+                      *percentiles],
     }  # fmt: skip
     studies = [study_of(scenario, receivers, keys, about) for scenario in several]
     if not studies:

@@ -107,6 +107,9 @@ KINDS: dict[str, Callable[[Path], Any]] = {
     "map": lambda _: sblcosim.map_area(
         "paper-scenario-1", "10x10", 5.0, cells="2", runs=2, duration_s=8.0, settling_s=2.0
     ),
+    "distances": lambda _: sblcosim.map_distance(
+        "paper-scenario-1", 10, 5.0, cells=2, runs=2, duration_s=8.0, settling_s=2.0
+    ),
     "require": question,
     "calibrate": lambda _: calibrate(pings=20),
     "advise": costs,
@@ -124,8 +127,8 @@ KINDS: dict[str, Callable[[Path], Any]] = {
     "indices": lambda here: workflow.of_space(load_of(space(here)), table(space(here)),
                                               "added.value")[0],
 }  # fmt: skip
-PRINTED = {"run", "smooth", "runs", "compare", "budget", "map", "require", "calibrate", "advise",
-           "analyse"}  # fmt: skip
+PRINTED = {"run", "smooth", "runs", "compare", "budget", "map", "distances", "require",
+           "calibrate", "advise", "analyse"}  # fmt: skip
 
 
 def load_of(folder: Path) -> Any:

@@ -19,11 +19,12 @@ import sblcosim.cli
 from matplotlib.patches import Patch
 from matplotlib.text import Text
 from sblcosim import style
-from sblcosim.areas import contours, figures, motion, pooling, result, runs, survey
+from sblcosim.areas import contours, figures, motion, result, runs, survey
 from sblcosim.areas.grid import Grid, grid_of
 from sblcosim.areas.possible import possible
 from sblcosim.cli.documents.areas import MapSettings
 from sblcosim.errors import ConfigurationError
+from sblcosim.judge import pooling
 from sblcosim.limits import lengths, places
 from sblcosim.limits.parameters import own_beacon
 from sblcosim.limits.path import circle_psd, path_psd
@@ -251,7 +252,7 @@ def sample_of(lengths_: Any, cells: int, each: int) -> runs.CellRuns:
     cell = np.repeat(np.arange(cells), each)
     n = len(cell)
     wide = np.broadcast_to(np.asarray(lengths_, float), (n, len(runs.PERCENTAGES)))
-    return runs.CellRuns(cell, wide, np.zeros(n, bool), np.ones(n))
+    return runs.CellRuns(cell, wide, np.zeros(n, bool), np.ones(n), np.ones(n))
 
 
 def test_the_percentile_is_that_of_the_weighted_errors_of_the_neighbours() -> None:
@@ -798,7 +799,7 @@ def test_cells_with_more_runs_than_others_count_each_run_once() -> None:
     cell = np.array([0, 1, 2, 3, 1, 1, 1, 3])
     lost = np.array([0, 1, 0, 1, 0, 0, 1, 0], bool)
     available = np.array([1.0, 0.2, 0.9, 0.6, 0.4, 0.6, 0.8, 0.0])
-    sample = runs.CellRuns(cell, np.ones((8, 10)), lost, available)
+    sample = runs.CellRuns(cell, np.ones((8, 10)), lost, available, np.ones(8))
     with Seam() as seam:
         seam.instead(runs.Simulator.run, lambda *_: sample)
         given = surveyed(cells=2, runs=1)
@@ -812,13 +813,14 @@ def test_cells_with_more_runs_than_others_count_each_run_once() -> None:
     assert summary["lost_share"] == 3 / 8
     # A cell with more runs weighs more among its neighbours, run by run.
     large = np.where((cell == 1)[:, None], 3.0, 1.0) * np.ones((8, 10))
-    found = pooling.pooled(runs.CellRuns(cell, large, lost, available), np.ones(4), (2, 2), 1)
+    many = runs.CellRuns(cell, large, lost, available, available)
+    found = pooling.pooled(many, np.ones(4), (2, 2), 1)
     weights = {0: np.exp(-0.5), 1: 1.0, 2: np.exp(-1.0), 3: np.exp(-0.5)}
     share = 4 * weights[1] / sum(weights[c] for c in cell.tolist())
     assert share > 0.05
     np.testing.assert_allclose(found.percentile[1], 3.0, rtol=0.01)
     few = pooling.pooled(runs.CellRuns(np.arange(4), large[[0, 2, 3, 5]][[0, 1, 2, 2]], lost[:4],
-                                     available[:4]), np.ones(4), (2, 2), 1)  # fmt: skip
+                                     available[:4], available[:4]), np.ones(4), (2, 2), 1)  # fmt: skip
     np.testing.assert_allclose(few.percentile, 1.0, rtol=0.01)
 
 

@@ -26,8 +26,10 @@ from sblcosim.analysis.space import analysis as sensitivity
 from sblcosim.analysis.space import figures as sensitivity_figures
 from sblcosim.analysis.two_level import analysis as factorial
 from sblcosim.analysis.two_level import figures as effect_figures
+from sblcosim.areas import distance_figures
 from sblcosim.areas import figures as area_figures
 from sblcosim.areas import result as area_result
+from sblcosim.areas.distance_result import DistanceCurve
 from sblcosim.areas.grid import Grid
 from sblcosim.comparison.budget import figures as budget_figures
 from sblcosim.comparison.budget import result as budget_result
@@ -68,6 +70,14 @@ AREA = area_result.AreaMap(
         ("runs", "p95_m", "std_error_m", "lost_share", "possible_p95_m", "accuracy", "hdop"),
         [1.0] * 4,
     )).astype({"accuracy": bool}), {}, np.zeros((4, 3)), None,
+)  # fmt: skip
+DISTANCE = DistanceCurve(
+    sblcosim.load("paper-scenario-1"), "ekf",
+    {"limit_m": None, "error": "absolute_total", "runs": 1, "settling_s": 0.0, "duration_s": 1.0,
+     "distance_m": [0.0, 9.0], "depth_m": [5.0], "cells": 2},
+    "rests", pd.DataFrame({"depth_m": [5.0, 5.0], "distance_m": [0.0, 9.0]}).assign(**dict.fromkeys(
+        ("rms_m", "p95_m", "std_error_m", "bound_m", "lost_share", "possible_p95_m"), 1.0,
+    )), {},
 )  # fmt: skip
 RANGE_TEST = (np.array([0.0, 1.0]), np.array([0.0, 1.0]), np.zeros(2), (0.0, 1.0))
 CALIBRATED = calibrate.CalibrationResult(
@@ -122,6 +132,10 @@ CALLS: dict[str, Any] = {
     "areas.figures.plot_map theme": partial(area_figures.plot_map, AREA),
     "areas.figures.plot_certainty theme": partial(area_figures.plot_certainty, AREA),
     "areas.result.AreaMap.plot theme": AREA.plot,
+    "areas.distance_figures.plot_distance theme": partial(
+        distance_figures.plot_distance, DISTANCE, None
+    ),
+    "areas.distance_result.DistanceCurve.plot theme": DISTANCE.plot,
     "areas.result.AreaMap.save other": partial(AREA.save, "nowhere", figures=False),
     "areas.result.AreaMap.save theme": partial(AREA.save, "nowhere", figures=False),
     "artifacts.check other": partial(artifacts.check, Path("nowhere")),

@@ -98,6 +98,11 @@ CASES: dict[str, Callable[[Path], tuple[Any, ...]]] = {
     "replay": lambda at: ("replay", at / "s", run_id(at), "--no-figures", "--out", at / "again"),
     "plan": lambda at: ("plan", "paper-scenario-1", "--receiver", "sequential"),
     "calibrate": lambda at: ("calibrate", "--out", at / "calibration"),
+    "distances": lambda at: (
+        "map", "realistic-dive", "--distance", "40", "--depth", "5", "--cells", "3", "--runs", "2",
+        "--duration", "10", "--settling", "5", "--limit", "3", "--no-figures", "--out",
+        at / "distances",
+    ),
     "map": lambda at: (
         "map", "realistic-dive", "--area", "40x40", "--depth", "5", "--cells", "3", "--runs", "2",
         "--duration", "10", "--settling", "5", "--limit", "3", "--no-figures", "--out", at / "map",

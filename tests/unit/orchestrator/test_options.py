@@ -24,6 +24,7 @@ import sblcosim.cli
 import typer
 from sblcosim import api
 from sblcosim.analysis.advice import of_study as study_advice
+from sblcosim.areas.distance import map_distance
 from sblcosim.areas.survey import map_area
 from sblcosim.calibrate import calibrate
 from sblcosim.cli.documents import contents
@@ -110,7 +111,12 @@ CASES = [
     Case(("advise", "studies/x", "--costs", "costs.toml"),
          (study_advice.advice_on_study,)),
     Case(("paper",), (paper.run,)),
-    Case(("map", SCENARIO, "--area", "10x10", "--depth", "5"), (map_area,)),
+    Case(("map", SCENARIO, "--area", "10x10", "--depth", "5"), (map_area,),
+         without={"--depth": "is given once with --area, and refused a second time",
+                  "--distance": "must come without --area, and is refused",
+                  "--verbose": "there is nothing more to say"}),
+    Case(("map", SCENARIO, "--distance", "20", "--depth", "5"), (map_distance,),
+         without={"--area": "must come without --distance, and is refused"}),
     Case(("budget", SCENARIO), (budget,)),
     Case(("compare", SCENARIO), (compare,)),
     Case(("require", "one-metre"), (decide,)),
@@ -135,6 +141,7 @@ VALUES = {
     "--error": "residual",
     "--costs": "other.toml",
     "--area": "20x30",
+    "--distance": "30",
     "--cells": "7",
     "--with": "clock+sound-speed",
     "--frame": "own_relative",

@@ -1,0 +1,306 @@
+"""Error against distance from the platform: in words, as a table, as a figure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from .. import artifacts, style
+from ..answer import Answer
+from ..catalogue import Figure, Job, by_name, jobs
+from ..judge.definitions import LOST
+from ..layout import fitted, table
+from ..lazy import Module
+from ..results import data_sheet
+from ..results.data_sheet import MANY_LOST
+from ..scenario.arrangement import has_own_errors
+from ..scenario.scenario import Scenario
+from ..shown import Picture
+from ..words.lists import counted
+from ..words.numbers import figure, meters, rounded
+from ..words.shares import percent, rough_percent
+from .possible import caveat
+from .tables import DISTANCES
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Floats = NDArray[np.float64]
+
+TABLE = "distances"
+_ROWS = 12
+"""Of the printed table, without ``--verbose``."""
+_figures = Module("sblcosim.areas.distance_figures")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class DistanceCurve(Answer):
+    """The error of a receiver against the distance from the platform, beside what is possible.
+
+    Attributes
+    ----------
+    scenario
+        What was simulated: the given scenario, with a diver who circles about the origin; in a run,
+        about a place at that distance, and at that depth.
+    receiver
+        Its label.
+    settings
+        The arguments of `map_distance`, with all defaults, as plain data.
+    motion
+        How the diver moves, in words.
+    distances
+        A row per depth and distance, `sblcosim.areas.tables.DISTANCES`: ``rms_m``, ``p95_m`` with
+        its ``std_error_m`` and the ``bound_m`` of the data sheet, ``possible_rms_m``,
+        ``possible_p95_m``, ``lost_share``.
+    failures
+        Messages of runs that have failed, with their number.
+    doubt
+        What the receiver is not made for, in words; empty if there is nothing to say.
+    left_out
+        Estimated RMS of errors that what is possible leaves out and that matter [m], by what they
+        are in words; each as long as the table.
+    """
+
+    document = "distances"
+    columns = MappingProxyType({TABLE: DISTANCES})
+
+    scenario: Scenario
+    receiver: str
+    settings: Mapping[str, Any]
+    motion: str
+    distances: pd.DataFrame
+    failures: Mapping[str, int]
+    doubt: str = ""
+    left_out: Mapping[str, Floats] = field(default_factory=dict)
+
+    @property
+    def limit_m(self) -> float | None:
+        """The requirement [m]."""
+        limit: float | None = self.settings["limit_m"]
+        return limit
+
+    @property
+    def depths(self) -> list[float]:
+        """Of the diver [m]."""
+        return list(self.settings["depth_m"])
+
+    def at(self, depth: float) -> pd.DataFrame:
+        """The rows of a depth, by distance."""
+        rows: pd.DataFrame = self.distances[self.distances["depth_m"] == depth]
+        return rows
+
+    @property
+    def title(self) -> str:
+        """Of a page."""
+        return f"Error against distance: {self.scenario.name}"
+
+    @property
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """The distances."""
+        return {TABLE: self.distances}
+
+    @property
+    def figures(self) -> list[Job]:
+        """The figure for a data sheet."""
+        return jobs(FIGURES, self)
+
+    def plot(self, theme: style.ThemeName = "light", *, ax: Axes | None = None) -> Picture:
+        """Error against distance; see `distance_figures.plot_distance`."""
+        axes: list[Axes] = [_figures.plot_distance(self, ax, theme)]
+        return Picture(axes, ax)
+
+    # --- Words -----------------------------------------------------------------------------------
+
+    @property
+    def answer(self) -> str:
+        """The data-sheet sentence of each depth, and how far the requirement is kept."""
+        return "\n".join([*self.data_sheet, *self._limits()])
+
+    @property
+    def data_sheet(self) -> list[str]:
+        """A sentence for a data sheet for each depth, or why there is none."""
+        runs = self.settings["runs"]
+        if runs < data_sheet.LEAST_RUNS:
+            return [data_sheet.too_few(runs, " at each distance")]
+        return [self._sentence(depth) for depth in self.depths]
+
+    def _sentence(self, depth: float) -> str:
+        rows, s = self.at(depth), self.settings
+        distances = rows["distance_m"].to_numpy()
+        known = _leading(np.isfinite(rows["bound_m"].to_numpy()))
+        without = "about 5 % of the runs or more have no estimate"
+        if not known:
+            return (
+                f"no data-sheet sentence at {depth:g} m depth: {without} {distances[0]:g} m from "
+                f"{self.origin}"
+            )
+        kept = rows[:known]
+        each = f"each of {known} distances" if known > 1 else "that distance"
+        said = data_sheet.sentence(
+            self.receiver, float(kept["bound_m"].max()),
+            f"{_reach(distances[0], distances[known - 1])} from {self.origin}, at {depth:g} m "
+            "depth",
+            self.scenario, f"{s['runs']:,} runs at {each}", s["error"],
+        )  # fmt: skip
+        lost = float(kept["lost_share"].max())
+        if lost > MANY_LOST:
+            said += f"; up to {rough_percent(lost)} of the runs are lost"
+        if known < len(rows):
+            said += f"; no figure farther out: {without} at {figure(distances[known])} m"
+        return said
+
+    @property
+    def origin(self) -> str:
+        """What distances are from."""
+        own = has_own_errors(self.scenario.platform)
+        return "the middle of the beacons" if own else "the platform"
+
+    def reach(self, depth: float) -> tuple[float | None, float | None]:
+        """Up to which distance the requirement is kept, and up to which that is possible [m].
+
+        Those of which the data sheet's bound, or what is possible, is within the requirement, and
+        so at all nearer distances; None: none, or there is no requirement.
+        """
+        if self.limit_m is None:
+            return None, None
+        rows = self.at(depth)
+        at = rows["distance_m"].to_numpy()
+        kept = [_leading((rows[it] <= self.limit_m).to_numpy()) for it in (
+            "bound_m", "possible_p95_m"
+        )]  # fmt: skip
+        first, second = (float(at[n - 1]) if n else None for n in kept)
+        return first, second
+
+    def _limits(self) -> Iterator[str]:
+        if self.limit_m is None:
+            return
+        least = self.settings["distance_m"][0]
+        for depth in self.depths:
+            mine, best = (
+                f"not even at {least:g} m" if it is None else f"up to {figure(it)} m"
+                for it in self.reach(depth)
+            )
+            yield f"within {meters(self.limit_m)} at {depth:g} m depth: {mine}; possible: {best}"
+
+    @property
+    def remarks(self) -> list[str]:
+        """What must be known to read the answer, a line each."""
+        return [*self._remarks()]
+
+    def _remarks(self) -> Iterator[str]:
+        s, rows = self.settings, self.distances
+        if s["runs"] >= data_sheet.LEAST_RUNS:
+            yield data_sheet.NOTE
+        lost = rows["lost_share"]
+        yield (
+            f"lost runs: {percent(lost.mean(), '.2g')} of {rows['runs'].sum():,}, at most "
+            f"{percent(lost.max(), '.2g')} at a distance"
+        )
+        if lost.max():
+            yield LOST
+        bent = int((~rows["accuracy"]).sum())
+        if bent:
+            yield (
+                f"no accuracy is possible at {counted(bent, 'distance')}: places all around the "
+                "platform fit"
+            )
+        for message, count in self.failures.items():
+            yield f"{counted(count, 'run')} failed: {message}"
+        yield (
+            f"{s['runs']:,} runs at each of {s['cells']} distances, in all directions; distances "
+            f"are horizontal, from the middle of the beacons to the middle of the diver's circle"
+        )
+        yield (
+            f"the diver circles clockwise with a radius of {s['radius_m']:g} m at "
+            f"{s['speed_m_s']:g} m/s; errors count from {s['settling_s']:g} s to "
+            f"{s['duration_s']:g} s"
+        )
+        if self.doubt:
+            yield self.doubt
+        if self.left_out:
+            yield caveat(self.left_out)
+
+    def text(self, *, verbose: bool = False, width: int | None = None) -> str:
+        """The answer, a table for each depth, and what must be known.
+
+        Parameters
+        ----------
+        verbose
+            With all distances.
+        width
+            Columns to fit into; None: lines are not wrapped.
+        """
+        lines = [self.answer]
+        for depth in self.depths:
+            rows = self.at(depth)
+            most = max(_ROWS // len(self.depths), 3)
+            step = 1 if verbose else -(-len(rows) // most)
+            lines += ["", f"{self.settings['error'].replace('_', ' ')} error [m] at {depth:g} m "
+                      "depth", *_printed(rows[::-step][::-1], width)]  # fmt: skip
+        return fitted("\n".join([*lines, "", *self.remarks]), width)
+
+    # --- Data ------------------------------------------------------------------------------------
+
+    def to_json(self) -> dict[str, Any]:
+        """Everything as plain data; missing numbers are None."""
+        reach = [self.reach(depth) for depth in self.depths]
+        plain: dict[str, Any] = artifacts.plain({
+            "scenario_name": self.scenario.name, "receiver": self.receiver,
+            "settings": self.settings, "motion": self.motion, "data_sheet": self.data_sheet,
+            "reach_m": [it[0] for it in reach], "possible_reach_m": [it[1] for it in reach],
+            "distances": DISTANCES.rows(self.distances), "failures": self.failures,
+            "doubt": self.doubt or None, "caveat": caveat(self.left_out) or None,
+        })  # fmt: skip
+        return plain
+
+    def manifest(self) -> dict[str, Any]:
+        """What was simulated, as plain data."""
+        made = {key: it for key, it in self.to_json().items() if key in (
+            "scenario_name", "receiver", "settings", "motion", "data_sheet"
+        )}  # fmt: skip
+        return {"distances": made, "scenario": self.scenario.dump_toml()}
+
+    def _gist(self) -> str:
+        return f"of {self.receiver}, {len(self.distances)} distances"
+
+
+def _leading(flags: Any) -> int:
+    """How many are true before the first that is not."""
+    return int(np.cumprod(np.asarray(flags, bool)).sum())
+
+
+def _reach(low: float, high: float) -> str:
+    """``up to 60 m``, ``from 5 to 60 m``, ``at 5 m``."""
+    if low == high:
+        return f"at {figure(low)} m"
+    return f"from {figure(low)} to {figure(high)} m" if low else f"up to {figure(high)} m"
+
+
+_SHOWN = ("rms_m", "p95_m", "bound_m", "possible_rms_m", "possible_p95_m")
+
+
+def _printed(rows: pd.DataFrame, width: int | None) -> Iterator[str]:
+    heads = ["distance", *map(DISTANCES.head, _SHOWN), DISTANCES.head("lost_share")]
+    cells = [
+        [f"{figure(row['distance_m'])} m",
+         *(rounded(row[name]) for name in _SHOWN),
+         rough_percent(row["lost_share"])]
+        for row in rows.to_dict("records")
+    ]  # fmt: skip
+    return table(cells, width, heads, range(len(heads)))
+
+
+def _data(found: DistanceCurve) -> tuple[Any, ...]:
+    return (found,)
+
+
+FIGURES: Mapping[str, Figure[DistanceCurve]] = by_name(
+    Figure("distance", _figures.later("plot_distance"), _data, str)
+)
+"""The figure in its folder."""

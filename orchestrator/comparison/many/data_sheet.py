@@ -1,0 +1,119 @@
+"""The sentence for a data sheet, of the runs of a scenario."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from math import ceil, floor
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from sblcosim.models.target.trajectories import FOUND
+
+from ...data.truth import recorded
+from ...judge.pooling import PERCENTAGES, pooled
+from ...limits.places import still_beacons
+from ...results import data_sheet
+from ...results.data_sheet import MANY_LOST
+from ...results.responses import Percentile
+from ...scenario.arrangement import has_own_errors
+from ...scenario.scenario import Scenario, load
+from ...words.numbers import figure
+
+if TYPE_CHECKING:
+    from ...results.result import Result
+    from ..tournament.result import Tournament
+
+Floats = NDArray[np.float64]
+
+ERROR = "absolute_total"
+RESPONSES = tuple(Percentile(ERROR, p) for p in PERCENTAGES)
+"""Of each run, what the sentence is made from."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Runs:
+    """All runs of a scenario, of which none has neighbours."""
+
+    cell: NDArray[np.int64]
+    lengths: Floats
+
+
+def sentences(
+    it: Tournament, receivers: Sequence[str], drawn: Sequence[Result]
+) -> Iterator[str]:
+    """A sentence for each receiver, or why there is none.
+
+    Parameters
+    ----------
+    it
+        The runs of one scenario.
+    drawn
+        Any of them.
+    """
+    runs = it.settings["runs"]
+    if runs < data_sheet.LEAST_RUNS:
+        yield data_sheet.too_few(runs)
+        return
+    scenario = load(it.settings["scenarios"][0])
+    where = _where(scenario, drawn)
+    for receiver in receivers:
+        yield _sentence(it, receiver, scenario, where)
+
+
+def _sentence(it: Tournament, receiver: str, scenario: Scenario, where: str) -> str:
+    table, s = it.table, it.settings
+    columns = table[[f"{receiver}.{own.name}" for own in RESPONSES]]
+    bound = bound_of(columns.to_numpy(np.float64, na_value=np.nan), s["seed"])
+    if not np.isfinite(bound):
+        return (
+            f"no data-sheet sentence for {receiver}: about 5 % of the runs or more have no estimate"
+        )
+    said = data_sheet.sentence(receiver, bound, where, scenario, f"{s['runs']:,} runs", ERROR)
+    row = it.level(it.places[0], receiver)
+    lost = f"; {row['lost']} of them are lost"
+    return said + (lost if row["lost"] > MANY_LOST * row["runs"] else "")
+
+
+def bound_of(percentiles: Floats, seed: int) -> float:
+    """What 95 % of the errors of all runs are within, and two standard errors [m].
+
+    Parameters
+    ----------
+    percentiles
+        Of each run's errors, `PERCENTAGES`; NaN without an estimate; (runs, 10).
+    seed
+        Of the draws of runs.
+    """
+    n = len(percentiles)
+    lengths = np.where(np.isnan(percentiles), np.inf, percentiles)
+    found = pooled(_Runs(np.zeros(n, np.int64), lengths), np.ones(1), (1, 1), seed, 1)
+    return float(found.percentile[0] + data_sheet.CERTAIN * found.std_error[0])
+
+
+def _where(scenario: Scenario, drawn: Sequence[Result]) -> str:
+    """How far from the platform, and how deep, if that is the same in all runs."""
+    if not drawn or _varies(scenario):
+        return "on paths drawn anew in each run" if drawn else "on its path"
+    record = drawn[0].record
+    offset = recorded(record, "target.position")[:, :2] - still_beacons(scenario).mean(0)[:2]
+    reach = np.hypot(*offset.T)
+    depth = recorded(record, "target.position")[:, 2]
+    own = has_own_errors(scenario.platform)
+    origin = "the middle of the beacons" if own else "the platform"
+    shallow, deep = (figure(float(it)) for it in (depth.min(), depth.max()))
+    deeps = shallow if shallow == deep else f"{shallow}–{deep}"
+    return f"at {floor(reach.min())}–{ceil(reach.max())} m from {origin}, at {deeps} m depth"
+
+
+def _varies(scenario: Scenario) -> bool:
+    """Whether the path is another one in each run, or not known to be the same."""
+    target = scenario.target
+    if target.fmu is not None or scenario.platform.fmu is not None:
+        return True
+    drawn = FOUND[target.trajectory].random
+    if drawn == "always":
+        return "seed" not in target.model_fields_set
+    keys = {v.name: v.key for v in target.variables.values()}
+    return any(np.any(getattr(target, keys[name])) for name in drawn)

@@ -1,0 +1,112 @@
+"""The conditions of a scenario in words, as a data sheet names them: sea, GPS, heading, survey."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from math import hypot, isclose
+from pathlib import Path
+from typing import Any
+
+from sblcosim.models.settings.presets import preset
+
+from ..words.lists import listed
+from ..words.numbers import figure
+from .arrangement import errors_of
+from .scenario import Scenario
+
+_GRADES: Mapping[str, str] = {
+    "sbas": "SBAS GPS", "rtk_float": "RTK float GPS", "rtk_fixed": "RTK fixed GPS",
+}  # fmt: skip
+"""Grades whose names are no words."""
+_ANGLES = ("roll", "pitch", "yaw")
+_SHIFTS = ("surge", "sway", "heave")
+_SIGMA = "1σ per axis"
+
+
+def conditions(scenario: Scenario) -> list[str]:
+    """What the platform's sea, GPS and heading are, and how well its beacons are surveyed.
+
+    A sea state or a grade is named only where all keys that it sets have its values. Otherwise the
+    sizes are given.
+    """
+    platform = scenario.platform
+    if platform.fmu is not None:
+        return [f"platform of {Path(platform.fmu).name}"]
+    return [*_sea(platform), *_gps(platform), *_heading(platform), *_survey(platform)]
+
+
+def _holds(platform: Any, name: str) -> bool:
+    """Whether a preset is given, and all keys that it sets have its values."""
+    value = getattr(platform, name)
+    return value is not None and all(
+        isclose(getattr(platform, key), it, rel_tol=1e-9, abs_tol=1e-12)
+        for key, it in preset(name, value).items()
+    )
+
+
+def _sea(platform: Any) -> Iterator[str]:
+    """The sea state, and amplitudes that are not its own."""
+    known: set[str] = set()
+    if _holds(platform, "beaufort"):
+        yield f"Beaufort {platform.beaufort}"
+        known = {key.partition("_")[0] for key in preset("beaufort", platform.beaufort)}
+    moving = [*_amplitudes(platform, _ANGLES, "deg", "°", known),
+              *_amplitudes(platform, _SHIFTS, "m", " m", known)]  # fmt: skip
+    yield from moving
+    if not moving and not known:
+        rests = "platform" if errors_of(platform) in (None, "platform") else "beacons"
+        yield f"{rests} at rest"
+
+
+def _amplitudes(
+    platform: Any, names: Sequence[str], end: str, unit: str, known: set[str]
+) -> Iterator[str]:
+    """Motions of a kind, those of one amplitude together."""
+    alike: dict[float, list[str]] = {}
+    for name in names:
+        size = getattr(platform, f"{name}_amplitude_{end}")
+        if size and name not in known:
+            alike.setdefault(size, []).append(name)
+    for size, some in alike.items():
+        yield f"{listed(some)} of ±{figure(size)}{unit}"
+
+
+def _gps(platform: Any) -> Iterator[str]:
+    """The grade, or the sizes of the errors; nothing where the beacons need none."""
+    if errors_of(platform) == "survey":
+        return
+    each = "" if platform.gps_shared else " on each buoy"
+    if _holds(platform, "gps_grade"):
+        grade = platform.gps_grade
+        yield f"{_GRADES.get(grade, f'{grade} GPS'.replace('_', ' '))}{each}"
+        return
+    sizes = {
+        way: hypot(*(getattr(platform, f"gps_{way}_{end}") for end in (
+            "std_m", "bias_std_m", "markov_std_m"
+        ))) for way in ("horizontal", "vertical")
+    }  # fmt: skip
+    if not any(sizes.values()):
+        yield f"GPS{each} without error"
+        return
+    ways = {"horizontal": f"horizontal ({_SIGMA})", "vertical": "vertical (1σ)"}
+    parts = [f"{figure(size)} m {ways[way]}" for way, size in sizes.items() if size]
+    yield f"GPS error{each} {listed(parts)}"
+
+
+def _heading(platform: Any) -> Iterator[str]:
+    """The IMU's grade, and the heading's error, where a platform's beacons share one."""
+    if not platform.gps_shared or errors_of(platform) == "survey":
+        return
+    if _holds(platform, "imu_grade"):
+        yield f"{platform.imu_grade} IMU"
+    size = hypot(*(
+        getattr(platform, f"imu_heading_{end}_deg")
+        for end in ("std", "bias", "turn_on_std", "markov_std", "step")
+    ))
+    if size:
+        yield f"heading error {figure(size)}° RMS"
+
+
+def _survey(platform: Any) -> Iterator[str]:
+    if platform.mounting_std_m:
+        yield f"beacons surveyed to {figure(platform.mounting_std_m)} m ({_SIGMA})"
