@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from ..judge.consistency import COVARIANCES, NEES_COLUMNS, TELLING, of_runs
 
@@ -36,9 +37,10 @@ def by_point(table: pd.DataFrame, factors: Sequence[str] = ()) -> pd.DataFrame:
         point_of = table["point"].to_numpy()
         rows_of = rows_of[np.argsort(point_of[rows_of], kind="stable")]
         values = table[column].to_numpy(np.float64, na_value=np.nan)
+        lost = _lost(table, receiver)
         ends = np.flatnonzero(np.diff(point_of[rows_of])) + 1
         for mine in np.split(rows_of, ends):
-            point, verdict = int(point_of[mine[0]]), of_runs(values[mine])
+            point, verdict = int(point_of[mine[0]]), of_runs(values[mine], float(lost[mine].mean()))
             levels = {name: table[name].iloc[mine[0]] for name in factors}
             rows.append({
                 "receiver": receiver, "frame": frame, "point": point, **levels,
@@ -46,6 +48,15 @@ def by_point(table: pd.DataFrame, factors: Sequence[str] = ()) -> pd.DataFrame:
             })  # fmt: skip
     verdicts = pd.DataFrame(rows)
     return verdicts.astype({"runs_needed": "Int64"}) if rows else verdicts
+
+
+def _lost(table: pd.DataFrame, receiver: str) -> NDArray[np.float64]:
+    """Whether a receiver is lost, 1 or 0, run by run; one that has failed is not."""
+    column = f"{receiver}.lost"
+    if column not in table:
+        return np.zeros(len(table))
+    flags: NDArray[np.float64] = table[column].to_numpy(np.float64, na_value=np.nan)
+    return np.where(np.isnan(flags), 0.0, flags)
 
 
 def _columns(table: pd.DataFrame) -> Iterator[tuple[str, str, str]]:

@@ -27,6 +27,8 @@ VERDICTS = Columns(
         TableColumn("high", "Of its 95 % interval."),
         TableColumn("runs_far_above", "Runs beyond what normal errors explain.", type=int),
         TableColumn("runs_needed", "To tell a factor of 1.1.", type=int | None),
+        TableColumn("lost_share", "Of the runs; where many are lost, a covariance that is not "
+                    "optimistic is unknown."),
         TableColumn("words", "All this as a sentence.", type=str),
     ),
     more="a column for the level of each factor",

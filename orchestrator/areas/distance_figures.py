@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from ..results.data_sheet import MANY_LOST
+from ..judge.definitions import MANY_LOST
 from ..scenario.conditions import conditions
 from ..style import LINES, MARKERS, SMALL, ThemeName, new_figure, use
 from ..words.numbers import figure as short_number

@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 from .. import artifacts, style
 from ..answer import Answer
 from ..catalogue import Figure, Job, by_name, jobs
-from ..judge.definitions import LOST
+from ..judge.definitions import LOST, MANY_LOST
 from ..layout import fitted, table
 from ..lazy import Module
 from ..results import data_sheet
-from ..results.data_sheet import MANY_LOST
 from ..scenario.arrangement import has_own_errors
 from ..scenario.scenario import Scenario
 from ..shown import Picture

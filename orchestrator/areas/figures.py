@@ -15,7 +15,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
 from ..data.estimates import Floats
-from ..results.data_sheet import MANY_LOST
+from ..judge.definitions import MANY_LOST
 from ..results.figures.drawing import LINE, short
 from ..style import SIZE, Theme, ThemeName, new_figure, use
 from ..words.numbers import meters

@@ -26,14 +26,15 @@ deviation is wrong by the factor `TELLING`.
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..lazy import Module
-from .definitions import CONFIDENCE
+from ..words.shares import rough_percent
+from .definitions import CONFIDENCE, MANY_LOST
 
 special = Module("scipy.special")
 
@@ -81,6 +82,9 @@ class Verdict:
         Number of runs beyond what normal errors explain, given the median.
     runs_needed
         Number of runs to detect a factor of `TELLING`; None if their spread does not show it.
+    lost_share
+        Share of runs that end lost. If it exceeds `MANY_LOST`, a covariance that is not optimistic
+        is ``unknown``: the covariances of the other runs say nothing about this receiver's.
     """
 
     verdict: str
@@ -93,6 +97,7 @@ class Verdict:
     high: float
     runs_far_above: int = 0
     runs_needed: int | None = None
+    lost_share: float = 0.0
 
     @property
     def by(self) -> float:
@@ -121,6 +126,10 @@ class Verdict:
     def __str__(self) -> str:
         if self.verdict == "one run":
             return f"{_looks(self)}; one run cannot tell, because its errors are correlated"
+        if self.verdict == "unknown" and self.lost_share > MANY_LOST:
+            if self.runs == 1:
+                return "not judged: the run is lost"
+            return f"not judged: {rough_percent(self.lost_share)} of the runs are lost"
         if self.verdict == "unknown":
             few = f": few of the {self.runs} runs dominate the mean"
             return "unknown" + (few if self.runs else "")
@@ -138,14 +147,24 @@ class Verdict:
         return text
 
 
-def of_runs(mean_nees: ArrayLike) -> Verdict:
+def of_runs(mean_nees: ArrayLike, lost_share: float = 0.0) -> Verdict:
     """Judge a receiver's covariance from independent runs.
 
     Parameters
     ----------
     mean_nees
         Mean position NEES of each run; NaN for a run without NEES. Shape (runs,).
+    lost_share
+        Share of runs that end lost.
     """
+    found = _of_runs(mean_nees)
+    if lost_share > MANY_LOST and found.verdict != "optimistic":
+        return replace(found, verdict="unknown", lost_share=lost_share)
+    return replace(found, lost_share=lost_share)
+
+
+def _of_runs(mean_nees: ArrayLike) -> Verdict:
+    """The verdict if no run is lost."""
     values = np.asarray(mean_nees, np.float64).ravel()
     values = np.sort(values[~np.isnan(values)])
     n = len(values)

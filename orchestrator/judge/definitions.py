@@ -54,6 +54,8 @@ from ..shown import Shown
 
 special = Module("scipy.special")
 
+MANY_LOST = 0.05
+"""Share of lost runs that 95 % of the estimates do not show."""
 LOST = (
     "A run is lost if, in its last quarter, it is off by more than the diver's distance from the "
     "platform or has no estimate. Earlier errors do not count if the run ends well."

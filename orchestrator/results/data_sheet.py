@@ -11,8 +11,6 @@ from ..words.numbers import meters_at_most
 
 SHARE = 0.95
 """Of the estimates."""
-MANY_LOST = 0.05
-"""Share of lost runs that 95 % of the estimates do not show."""
 CERTAIN = 2.0
 """Standard errors by which the sentence's length is more than the estimated one."""
 LEAST_RUNS = ceil(log(1 - SHARE) / log(SHARE))

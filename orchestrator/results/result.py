@@ -213,7 +213,7 @@ class Result(Answer):
         nees = {name: self._judged[column].astype(float) for name, column in NEES_COLUMNS.items()}
         return {
             receiver: {
-                frame: of_runs(values[[receiver]])
+                frame: of_runs(values[[receiver]], float(bool(self.summary.loc[receiver, "lost"])))
                 for frame, values in nees.items()
                 if values[[receiver]].notna().all()
             }

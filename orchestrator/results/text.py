@@ -326,6 +326,8 @@ def _compared(row: Any, name: str) -> str:
     if pd.isna(row[f"{name}_expected"]):
         return "of unknown degrees of freedom"
     low, high, word = (row[f"{name}_{what}"] for what in ("low", "high", "verdict"))
+    if row["lost"] and word != "optimistic":
+        word = "says nothing, as the run is lost"
     return (
         f"expected {row[f'{name}_expected']:.2f} (95 %: {low:.2f} to {high:.2f}): "
         f"{_VERDICTS.get(word, word)}"

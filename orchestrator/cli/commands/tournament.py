@@ -63,6 +63,13 @@ def compare(
         float,
         numeric("--settling", float, "S", "Errors count from this time after the start.", low=0),
     ] = 0.0,
+    same_start: Annotated[
+        bool,
+        typer.Option(
+            "--same-start",
+            help="Tell no receiver where the diver starts: all begin with what they receive first.",
+        ),
+    ] = False,
     contamination: ContaminationOption = 0.05,
     seed: SeedOption = None,
     workers: WorkersOption = None,
@@ -114,6 +121,7 @@ def compare(
                 step_timeout=step_timeout,
                 progress=progress,
                 keep=keep,
+                same_start=same_start,
             )
             folder = found.save(wanted, figures=not no_figures, other=other)
     report(found, folder, wanted, as_json, verbose)

@@ -68,6 +68,8 @@ class Covariance(DocumentPart):
     """Runs beyond what normal errors explain."""
     runs_needed: int | None
     """To tell a factor of 1.1."""
+    lost_share: float
+    """Of the runs; where many are lost, a covariance that is not optimistic is unknown."""
     words: str
     """All this as a sentence."""
 

@@ -177,6 +177,10 @@ def _trust(receiver: study_documents.StudyReceiver) -> str:
         return "no covariance"
     if found.optimistic > _CHANCE * found.points:
         return f"do not trust its covariance: optimistic{_at(found.optimistic, found)}"
+    from ...judge.definitions import MANY_LOST
+
+    if found.untold == found.points and receiver.lost and receiver.lost > MANY_LOST:
+        return "its covariance is not judged, as so many runs are lost"
     if found.untold == found.points:
         return "too few runs to tell whether its covariance is right"
     if found.pessimistic > _CHANCE * found.points:

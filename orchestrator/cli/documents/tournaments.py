@@ -26,6 +26,10 @@ class Comparison(Document):
     unit: str
     practical: Number
     contamination: float
+    same_start: bool
+    """Whether no receiver is told where the diver starts."""
+    knowing_start: dict[str, list[str]]
+    """Receivers that are told, by scenario."""
     levels: list[Level]
     differences: list[PairedDifference]
     update_s: dict[str, dict[str, Number]]

@@ -75,11 +75,12 @@ def levels(
     nees, lost = by_place(runs, NEES_COLUMNS[frame]), by_place(runs, "lost")
     for place in lost:
         for receiver in (r for r in ranked if r in lost[place]):
-            verdict = of_runs(nees[place][receiver])
-            count = round(sum(
-                float(np.nansum(mine[receiver])) for name, mine in lost.items()
+            own = [
+                mine[receiver] for name, mine in lost.items()
                 if name == place or (place == ALL and name != ALL)
-            ))  # fmt: skip
+            ]  # fmt: skip
+            count = round(sum(float(np.nansum(it)) for it in own))
+            verdict = of_runs(nees[place][receiver], count / max(sum(map(len, own)), 1))
             for response, mine in values.items():
                 found = level(mine[place][receiver], settings["contamination"])
                 yield {

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from sblcosim.models.target.trajectories import FOUND
 
 from ...data.truth import recorded
+from ...judge.definitions import MANY_LOST
 from ...judge.pooling import PERCENTAGES, pooled
 from ...limits.places import still_beacons
 from ...results import data_sheet
-from ...results.data_sheet import MANY_LOST
 from ...results.responses import Percentile
 from ...scenario.arrangement import has_own_errors
 from ...scenario.scenario import Scenario, load

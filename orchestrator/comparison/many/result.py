@@ -84,7 +84,7 @@ class Many(Answer):
         it, lines = self.runs, list[str]()
         for receiver in self.receivers:
             lines += sentences.beside(it, self.scenario_name, receiver)
-        return [*lines, *sentences.unbounded(it), *self._unsaid]
+        return [*lines, *sentences.start(it), *sentences.unbounded(it), *self._unsaid]
 
     def rms_m(self, which: str) -> float:
         """RMS total error of the first receiver in a run that is drawn [m]."""
@@ -140,8 +140,8 @@ class Many(Answer):
             Columns to fit into; None: sentences are not wrapped.
         """
         it, place = self.runs, self.scenario_name
-        said = [line for line in self.data_sheet if line not in self._unsaid]
-        lines = [self.answer, *([""] if said else []), *said, ""]
+        sheet = [line for line in self.data_sheet if line not in self._unsaid]
+        lines = [self.answer, *([""] if sheet else []), *sheet, ""]
         lines += [f"{place}: {it.settings['runs']} runs, seeds from {it.settings['seed']}"]
         lines += [*sentences.levels(it, place, width)]
         lines += ["", *sentences.spreads(it, place, width)]
@@ -151,7 +151,8 @@ class Many(Answer):
             if verbose:
                 said = it.level(place, receiver)["covariance_words"]
                 lines.append(f"{receiver}: covariance {said}")
-        lines += [*sentences.unbounded(it), *self._unsaid, *([SHEET] if said else [])]
+        lines += [*sentences.start(it), *sentences.unbounded(it), *self._unsaid]
+        lines += [SHEET] if sheet else []
         rows = [it.level(place, receiver) for receiver in self.receivers]
         if verbose or any(row["lost"] for row in rows):
             lines.append(LOST)

@@ -35,7 +35,7 @@ from ...study.study import Study
 from ...study.study import load as load_study
 from ..common.evaluation import ALL, PERCENTILE, by_place, differences, levels, ranked
 from ..common.statistics import CONTAMINATION
-from . import alike, cost
+from . import alike, cost, starts
 from .result import RESPONSE, Tournament
 
 if TYPE_CHECKING:
@@ -69,6 +69,7 @@ def compare(
     progress: Callable[[float, str], None] | None = None,
     keep: Kept | None = None,
     percentiles: Sequence[Percentile] = (),
+    same_start: bool = False,
 ) -> Tournament:
     """Let receivers run on the same noise, and say which is better.
 
@@ -104,6 +105,9 @@ def compare(
         Where finished runs are kept, which are not done again; None: nothing is written.
     percentiles
         Further percentiles of a run's errors that the table of runs is to have.
+    same_start
+        No receiver is told where the diver starts, so that all begin with what they receive first.
+        Else those that have a parameter for it begin there, if the scenario says so.
 
     Raises
     ------
@@ -121,7 +125,11 @@ def compare(
         "responses": [PERCENTILE, *(() if asked in (None, PERCENTILE) else (asked,)),
                       *percentiles],
     }  # fmt: skip
-    studies = [study_of(scenario, receivers, keys, about) for scenario in several]
+    first_to_last = (load_scenario(it, keys.items()) for it in several)
+    studies = [
+        study_of(starts.evened(it) if same_start else it, receivers, {}, about)
+        for it in first_to_last
+    ]
     if not studies:
         raise ConfigurationError("scenarios: must be at least one, got none")
     names = [study.base.name for study in studies]
@@ -147,7 +155,8 @@ def compare(
         "scenarios": [study.base.given() for study in studies],
         "receivers": [alike.origin(known_source(it)) for it in studies[0].receivers],
         "runs": runs, "seed": about["seed"], "settling_s": settling_s, "response": name,
-        "practical": practical, "contamination": contamination,
+        "practical": practical, "contamination": contamination, "same_start": same_start,
+        "knowing_start": starts.settings(studies),
     }  # fmt: skip
     told_s = {study.base.name: cost.update_seconds(study) for study in studies} if timed else {}
     return evaluate(dict(zip(names, tables, strict=True)), settings, told_s)

@@ -19,6 +19,7 @@ from ...words.numbers import interval, measured, rounded
 from ...words.shares import percent, percent_at_least, percent_at_most
 from ..common.evaluation import ALL, PERCENTILE
 from ..common.statistics import ALPHA, SHARE, least_runs
+from . import starts
 
 if TYPE_CHECKING:
     from .result import Tournament
@@ -218,8 +219,15 @@ def notes(it: Tournament) -> Iterator[str]:
                     f"{place}: {pair[0]} is better than {pair[1]} in most runs, but its mean over "
                     f"the runs is {measured(abs(row.mean), unit_of(it.response))} more"
                 )
+    yield from start(it)
     yield from _too_few(it)
     yield from unbounded(it)
+
+
+def start(it: Tournament) -> Iterator[str]:
+    """Where receivers begin with different knowledge."""
+    there = {place: in_place(it, place) for place in it.places if place != ALL}
+    yield from starts.sentences(it.settings.get("knowing_start", {}), there)
 
 
 def beside(it: Tournament, place: str, receiver: str) -> Iterator[str]:
@@ -381,6 +389,8 @@ def _covariance(row: Any) -> str:
     if row["covariance"] in ("optimistic", "pessimistic"):
         factor = row["covariance_factor"]
         return f"{row['covariance']} ×{max(factor, 1 / factor):.3g}"
+    if row["covariance"] == "unknown" and str(row["covariance_words"]).startswith("not judged"):
+        return "not judged"
     return str(row["covariance"])
 
 

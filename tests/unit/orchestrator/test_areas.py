@@ -819,8 +819,8 @@ def test_cells_with_more_runs_than_others_count_each_run_once() -> None:
     share = 4 * weights[1] / sum(weights[c] for c in cell.tolist())
     assert share > 0.05
     np.testing.assert_allclose(found.percentile[1], 3.0, rtol=0.01)
-    few = pooling.pooled(runs.CellRuns(np.arange(4), large[[0, 2, 3, 5]][[0, 1, 2, 2]], lost[:4],
-                                     available[:4], available[:4]), np.ones(4), (2, 2), 1)  # fmt: skip
+    one = runs.CellRuns(np.arange(4), large[[0, 2, 3, 5]][[0, 1, 2, 2]], *[available[:4]] * 3)
+    few = pooling.pooled(one, np.ones(4), (2, 2), 1)
     np.testing.assert_allclose(few.percentile, 1.0, rtol=0.01)
 
 

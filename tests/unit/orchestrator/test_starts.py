@@ -1,0 +1,244 @@
+"""Receivers that start from different knowledge, and runs that are lost."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+import sblcosim
+import sblcosim.cli
+from sblcosim.analysis import covariance
+from sblcosim.cli.documents import contents
+from sblcosim.comparison.common.evaluation import levels
+from sblcosim.comparison.tournament import starts
+from sblcosim.comparison.tournament.run import evaluate
+from sblcosim.fmus.build.factory import build
+from sblcosim.judge.consistency import of_runs
+from sblcosim.judge.definitions import MANY_LOST
+from sblcosim.models import RECEIVERS
+from sblcosim.scenario.scenario import shipped
+from typer.testing import CliRunner
+
+SHORT = {"time.duration_s": 4.0}
+MINE = '''
+from sblcosim import Depth, Estimate, Range, Receiver
+
+
+class Mine(Receiver):
+    """Says where the last beacon is."""
+
+    def update(self, samples):
+        heard = [s for s in samples if isinstance(s, Range)]
+        return Estimate(heard[-1].epoch, heard[-1].beacon_position) if heard else None
+
+
+class Told(Mine):
+    """Has the parameter for it."""
+
+    parameters = {"prior_position": (0.0, 0.0, 0.0)}
+'''
+TRUE = "paper-scenario-1"
+WITHOUT = {name for name, it in RECEIVERS.items()
+           if "initialisation" not in {v.key for v in it.of("parameter")}}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def mine(tmp_path_factory: pytest.TempPathFactory) -> str:
+    file = tmp_path_factory.mktemp("mine") / "mine.py"
+    file.write_text(MINE)
+    return f"{file}:Mine"
+
+
+def compared(receivers: Any, scenario: Any = TRUE, **more: Any) -> Any:
+    changes = SHORT | more.pop("overrides", {})
+    return sblcosim.compare(scenario, receivers, runs=2, overrides=changes, timed=False, **more)
+
+
+def said(found: Any) -> list[str]:
+    return [line for line in found.remarks if "knows where the diver starts" in line
+            or "know where the diver starts" in line]  # fmt: skip
+
+
+def first_epochs(scenario: Any, receivers: Any, same_start: bool) -> dict[str, float]:
+    """When each receiver has its first estimate [s]."""
+    given = sblcosim.load(scenario, {"time.duration_s": 6.0})
+    result = sblcosim.run(starts.evened(given) if same_start else given, receivers)
+    return {name: float(result.estimates[name]["epoch_s"].iloc[0]) for name in result.receivers}
+
+
+# --- Different knowledge -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", [it for it in RECEIVERS if it not in WITHOUT])
+def test_each_of_ours_knows_the_true_start_and_a_users_does_not(name: str, mine: str) -> None:
+    found = compared([name, mine])
+    assert found.settings["knowing_start"] == {TRUE: [name]}
+    (line,) = said(found)
+    assert line.startswith(f"{TRUE}: {name} knows where the diver starts and begins there; Mine ")
+    assert line in str(found)
+    assert found.to_json()["knowing_start"] == {TRUE: [name]}
+
+
+def test_receivers_without_a_start_are_named_among_those_that_do_not_know(mine: str) -> None:
+    assert WITHOUT
+    for name in WITHOUT:
+        assert compared(["ekf", name]).settings["knowing_start"] == {TRUE: ["ekf"]}
+        assert said(compared([name, mine])) == []
+
+
+def test_several_are_listed_and_all_alike_are_silent(mine: str) -> None:
+    (line,) = said(compared(["ekf", "coupled", mine]))
+    assert "ekf and coupled know where the diver starts and begin there; Mine does not" in line
+    assert said(compared(["ekf", "coupled"])) == []
+    assert said(compared([mine])) == []
+
+
+@pytest.mark.parametrize("name", [it for it in shipped() if it[-1] not in "23"])
+def test_only_where_the_start_is_told_is_anything_said(name: str, mine: str) -> None:
+    own = "long_baseline" if name in ("gps-buoys", "harbour-lbl") else "ekf"
+    found = compared([own, mine], name)
+    assert bool(said(found)) == sblcosim.load(name).true_prior == name.startswith("paper")
+    given = {"receiver.initialisation": "prior", "receiver.prior_position_m": [1.0, 2.0, 3.0]}
+    if not name.startswith("paper"):
+        assert said(compared([own, mine], name, overrides=given))
+
+
+def test_an_fmu_and_a_class_with_the_parameter_know_it(mine: str, tmp_path: Path) -> None:
+    fmu = tmp_path / "other.fmu"
+    fmu.write_bytes(build("sequential", 2).read_bytes())
+    found = compared([str(fmu), "ekf", mine])
+    assert set(found.settings["knowing_start"][TRUE]) == {"other", "ekf"}
+    told = compared([mine.replace("Mine", "Told"), mine])
+    assert told.settings["knowing_start"] == {TRUE: ["Told"]}
+
+
+def test_several_scenarios_each_have_their_line(mine: str) -> None:
+    found = compared(["ekf", mine], ["paper-scenario-1", "harbour-square", "paper-scenario-3"])
+    assert [line.partition(":")[0] for line in said(found)] == [
+        "paper-scenario-1", "paper-scenario-3"
+    ]
+
+
+@pytest.mark.parametrize("scenario", [
+    TRUE,
+    {"receiver": {"type": "ekf", "initialisation": "prior", "prior_position_m": [15.0, 0.0, 5.0],
+                  "prior_position_std_m": 2.0}},
+], ids=["true", "given"])  # fmt: skip
+def test_same_start_lets_all_begin_with_what_they_receive(
+    scenario: Any, mine: str, tmp_path: Path
+) -> None:
+    fmu = tmp_path / "other.fmu"
+    fmu.write_bytes(build("sequential", 3).read_bytes())
+    all_ = [it for it in RECEIVERS if it not in WITHOUT]
+    receivers = [*all_, str(fmu), mine, mine.replace("Mine", "Told")]
+    found = compared([*all_, mine], scenario, same_start=True)
+    assert said(found) == []
+    (known,) = found.settings["knowing_start"].values()
+    assert known == []
+    assert found.settings["same_start"] is True
+    assert "prior" not in found.settings["scenarios"][0]["receiver"]
+    late = "fixed_lag"  # its first estimate is of a run that is longer
+    receivers = [it for it in receivers if it != late]
+    before, after = (first_epochs(scenario, receivers, it) for it in (False, True))
+    for name in {*all_, "other"} - {late}:
+        assert after[name] == after["other"] > before[name]
+    assert after["Mine"] == before["Mine"]
+
+
+def test_same_start_changes_nothing_where_no_start_is_told() -> None:
+    given = sblcosim.load("realistic-dive")
+    assert starts.evened(given) is given
+    one, two = (compared(["ekf", "coupled"], "realistic-dive", same_start=it)
+                for it in (False, True))  # fmt: skip
+    pd.testing.assert_frame_equal(one.table, two.table)
+
+
+def test_the_command_takes_the_option(mine: str, tmp_path: Path) -> None:
+    words = ["compare", TRUE, "--receiver", "ekf", "--receiver", mine, "--runs", "2", "--set",
+             "time.duration_s=4", "--no-figures", "--out"]  # fmt: skip
+    runner = CliRunner()
+    plain = runner.invoke(sblcosim.cli.app, [*words, str(tmp_path / "a")])
+    even = runner.invoke(sblcosim.cli.app, [*words, str(tmp_path / "b"), "--same-start"])
+    assert (plain.exit_code, even.exit_code) == (0, 0)
+    assert "ekf knows where the diver starts" in plain.output
+    assert "knows where the diver starts" not in even.output
+
+
+# --- Lost runs -----------------------------------------------------------------------------------
+
+
+def runs_with(lost: int, nees: Any, count: int = 60) -> pd.DataFrame:
+    rng = np.random.default_rng(2)
+    return pd.DataFrame({
+        "point": 1, "replicate": np.arange(count) + 1, "seed": np.arange(count) + 1,
+        "ekf.lost": np.arange(count) < lost, "ekf.absolute_total_rms_m": rng.uniform(1, 2, count),
+        "ekf.absolute_total_p95_m": rng.uniform(2, 3, count),
+        "ekf.nees_position": np.broadcast_to(nees, count) * rng.uniform(0.98, 1.02, count),
+        "error": None,
+    })  # fmt: skip
+
+
+SETTINGS = {
+    "response": "absolute_total_rms_m", "practical": None, "contamination": 0.05, "runs": 60,
+    "seed": 1,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("nees", [0.001, 1.0, 2.7, 3.0])
+@pytest.mark.parametrize("lost", [4, 40, 60])
+def test_a_receiver_that_is_lost_is_never_called_pessimistic_or_right(
+    nees: float, lost: int
+) -> None:
+    found = evaluate({"it": runs_with(lost, nees)}, SETTINGS)
+    row = found.level("it", "ekf")
+    assert row["covariance"] == "unknown"
+    share = {4: "6.7 %", 40: "67 %", 60: "100 %"}[lost]
+    assert row["covariance_words"] == f"not judged: {share} of the runs are lost"
+    for verbose in (False, True):
+        text = found.text(verbose=verbose)
+        assert "not judged" in text
+        assert "pessimistic" not in text
+        assert "in band" not in text
+    points = covariance.by_point(runs_with(lost, nees))
+    assert points["verdict"].tolist() == ["unknown"]
+    assert "not judged" in covariance.sentences(points)["ekf"][0]
+    both = evaluate({"a": runs_with(lost, nees), "b": runs_with(lost, nees)}, SETTINGS)
+    assert set(both.levels["covariance"]) == {"unknown"}
+
+
+def test_few_lost_runs_and_optimism_are_judged_as_ever() -> None:
+    assert MANY_LOST * 60 == 3.0
+    few = evaluate({"it": runs_with(3, 1.0)}, SETTINGS).level("it", "ekf")
+    assert few["covariance"] == "pessimistic"
+    wild = evaluate({"it": runs_with(40, 30.0)}, SETTINGS).level("it", "ekf")
+    assert wild["covariance"] == "optimistic"
+    rows = levels({"it": runs_with(0, 3.0)}, {SETTINGS["response"]: {"it": {"ekf": np.ones(60)}}},
+                  ["ekf"], SETTINGS)  # fmt: skip
+    assert [row["covariance"] for row in rows] == ["in band"]
+    assert of_runs(np.full(9, 1.0), 0.66).factor == of_runs(np.full(9, 1.0)).factor
+
+
+def test_a_single_run_that_is_lost_is_not_judged() -> None:
+    assert str(of_runs([0.5], 1.0)) == "not judged: the run is lost"
+    assert "looks pessimistic" in str(of_runs([0.5]))
+
+
+class _Receiver:
+    lost = 0.66
+    rms_m = 3.0
+
+    def __init__(self, untold: int) -> None:
+        class Found:
+            points, optimistic, pessimistic, in_band = 3, 0, 0, 0
+
+        Found.untold = untold  # type: ignore[attr-defined]
+        self.covariances = {"absolute": Found()}
+
+
+def test_a_study_says_so_too() -> None:
+    assert contents._trust(_Receiver(3)) == (  # type: ignore[arg-type]
+        "its covariance is not judged, as so many runs are lost"
+    )
