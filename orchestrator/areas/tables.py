@@ -36,9 +36,9 @@ DISTANCES = Columns(
                     "diver's circle.", "m", "distance"),
         TableColumn("runs", "There.", type=int),
         TableColumn("rms_m", "Root of the mean over the runs of their mean squares; runs without "
-                    "an estimate are left out.", "m", "RMS error"),
+                    "an estimate are left out.", "m", "RMS"),
         TableColumn("p95_m", "Radius that holds 95 % of the estimates; infinite where more than "
-                    "5 % of the runs have none.", "m", "95 % within"),
+                    "5 % of the runs have none.", "m", "95 %"),
         TableColumn("std_error_m", "Of p95_m.", "m"),
         TableColumn("bound_m", "p95_m and two standard errors, for the data sheet.", "m",
                     "95 % at most"),
