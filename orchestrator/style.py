@@ -121,6 +121,7 @@ def use(theme: ThemeName, axes: Axes | Sequence[Axes] | None = None) -> Iterator
         "text.parse_math": False,
         "text.usetex": False,
         "axes.formatter.use_mathtext": False,
+        "axes.formatter.useoffset": False,
         "xtick.color": look.ink,
         "ytick.color": look.ink,
         "legend.frameon": False,

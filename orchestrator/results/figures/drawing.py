@@ -1,7 +1,8 @@
 """What the figures of a run share: lines of receivers, limits, titles, legends and margins.
 
 Our own figures have margins in inches: all that lies outside of the axes is known beforehand, and
-a layout that measures every label twice takes as long as drawing.
+a layout that measures every label twice takes as long as drawing. All are equally wide, so that type
+has one size where they are shown at one width.
 """
 
 from __future__ import annotations
@@ -9,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
 from math import ceil
-from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -18,9 +18,11 @@ from matplotlib.artist import allow_rasterization
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
 from matplotlib.legend_handler import HandlerBase, HandlerLine2D
 from matplotlib.lines import Line2D
 from matplotlib.path import Path
+from matplotlib.textpath import text_to_path
 from matplotlib.transforms import IdentityTransform, ScaledTranslation
 
 from ...data.estimates import Floats
@@ -36,18 +38,26 @@ LEFT, RIGHT, BOTTOM = 0.72, 0.12, 0.5
 GAP = 0.12
 """Between panels, and between a legend and what is below it [inch]."""
 WIDTH = 7.2
-"""Width of a figure over time [inch]."""
+"""Width of a figure, but for numbers that are longer than usual [inch]."""
+NUMBERS = 0.37
+"""Room for the numbers of a vertical axis [inch]; longer ones widen the figure."""
 LINE = 1.25 * SIZE / 72
 """Height of a line of text [inch]."""
 SIDES = ((1, 0.6), (1, -0.6), (-1, 0.6), (-1, -0.6), (0, 1), (0, -1), (1, 0), (-1, 0))
 """Where a label may stand beside its point, right and up: the best one first."""
-AWAY = (7, 13, 20)
+AWAY = (6, 9, 13)
 """How far away [point]."""
+DOT = 0.05
+"""How much a dot counts that a label hides: a point of a curve counts 1."""
 DOTS_ALPHA = 0.9
 NOTHING = "\u200b"
 """A zero-width space."""
 LONGEST_NAME = 32
 """Longest name in a legend [characters]; all our own labels fit."""
+_HANDLE = 0.6
+"""What stands beside a name in a legend, and about it [inch]."""
+OUTLIER = 4.0
+"""A raw fix is one if its error is more than so many times that of 95 % of them."""
 
 
 def is_filter(label: str) -> bool:
@@ -143,12 +153,39 @@ def no_fix(tracks: Tracks) -> str:
     return f"no fix: {silent}" if silent else ""
 
 
-def short(name: str) -> str:
+def short(name: str, longest: int = LONGEST_NAME) -> str:
     """Shorten a long name to its beginning and end."""
-    if len(name) <= LONGEST_NAME:
+    if len(name) <= longest:
         return name
-    tail = LONGEST_NAME // 2 - 1
-    return f"{name[:LONGEST_NAME - tail - 1]}…{name[-tail:]}"
+    tail = longest // 2 - 1
+    return f"{name[:longest - tail - 1]}…{name[-tail:]}"
+
+
+def inches(words: str, size: float = SIZE) -> float:
+    """How wide a line of text is [inch]."""
+    width: float = text_to_path.get_text_width_height_descent(  # type: ignore[no-untyped-call]
+        words, FontProperties(size=size), ismath=False
+    )[0]
+    return width / 72
+
+
+def short_for(name: str, room: float) -> str:
+    """A name that is short enough for some inches."""
+    return next(
+        (some for n in range(LONGEST_NAME, 6, -2) if inches(some := short(name, n)) <= room),
+        short(name, 6),
+    )
+
+
+def wrapped(words: str, room: float, size: float = SIZE) -> str:
+    """A text in lines of at most so many inches, broken between words."""
+    lines: list[str] = []
+    for word in words.split(" "):
+        if lines and inches(longer := f"{lines[-1]} {word}", size) <= room:
+            lines[-1] = longer
+        else:
+            lines.append(word)
+    return "\n".join(lines)
 
 
 # --- Panels, legend and margins ------------------------------------------------------------------
@@ -175,16 +212,19 @@ def panels(
         ax.margins(x=0.01)
         if ax is not grid[-1]:
             ax.tick_params(axis="x", bottom=False)  # the grid is enough, and is drawn anyway
-        # A fixed place: else each of the labels looks at all ticks of all panels.
-        ax.yaxis.set_label_coords(-0.5 / (WIDTH - LEFT - RIGHT), 0.5)
     return list(grid)
 
 
-def finish(axes: Sequence[Any], own: bool, *title: str) -> None:
+def finish(axes: Sequence[Any], own: bool, *title: str, beside: bool = False) -> None:
     """A title from its parts that are not empty, and one legend for all axes.
 
     Both stand above the axes in our own figure, which grows by them and gets its margins; else
     within the first axes. A line and a band with the same label share an entry of the legend.
+
+    Parameters
+    ----------
+    beside
+        The legend of our own figure is on the right, where room has been left for it.
     """
     words = "; ".join(part for part in title if part)
     words = words[:1].upper() + words[1:]
@@ -199,16 +239,43 @@ def finish(axes: Sequence[Any], own: bool, *title: str) -> None:
     names = [short(label) for label in entries]
     figure = axes[0].figure
     if own and isinstance(figure, Figure):
-        legend = _legend_above(figure, handles, names) if names else None
-        _set_margins(figure, axes, legend, fill(words, round(12.5 * figure.get_figwidth())))
+        legend = None
+        if names:
+            legend = _legend_beside(figure, handles, names) if beside else _legend_above(
+                figure, handles, names
+            )
+        words = wrapped(words, figure.get_figwidth() - LEFT - RIGHT)
+        _set_margins(figure, axes, legend, words, beside)
     else:
         legend = axes[0].legend(handles, names, handler_map=_MANY) if names else None
         if words:
-            axes[0].set_title(fill(words, 70), loc="left")
+            axes[0].set_title(wrapped(words, 70 * SIZE / 130), loc="left")
     for handle in legend.legend_handles if legend is not None else ():
         if isinstance(handle, Line2D) and handle.get_marker() == ".":
             many = handle.get_markevery() is None  # of `_MANY`
             handle.set(markersize=4 if many else 8)
+
+
+def _longer_numbers(axes: Sequence[Axes]) -> float:
+    """How much wider than usual the numbers of the vertical axes are [inch]."""
+    numbers = [
+        word for ax in axes
+        for word in ax.yaxis.get_major_formatter().format_ticks(ax.get_yticks())
+    ]  # fmt: skip
+    return 0.0 if _is_in_space(axes) else max(0.0, *(inches(word) - NUMBERS for word in numbers))
+
+
+def legend_width(names: Sequence[str]) -> float:
+    """Width of a legend in one column, with a gap on its left [inch]."""
+    return max(inches(short(name)) for name in names) + _HANDLE
+
+
+def _legend_beside(figure: Figure, handles: Sequence[Any], names: Sequence[str]) -> Any:
+    """A legend in the upper right corner of a figure."""
+    return figure.legend(
+        handles, names, loc="upper right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.3,
+        handler_map=_MANY,
+    )
 
 
 def _legend_above(figure: Figure, handles: Sequence[Any], names: Sequence[str]) -> Any:
@@ -228,25 +295,42 @@ def _extent(figure: Figure, artist: Any) -> Any:
     return artist.get_window_extent(figure.canvas.get_renderer())  # type: ignore[attr-defined]
 
 
-def _set_margins(figure: Figure, axes: Sequence[Axes], legend: Any, title: str) -> None:
-    width, body = figure.get_size_inches()
-    above = GAP / 2
-    if legend is not None:
+def _set_margins(
+    figure: Figure, axes: Sequence[Axes], legend: Any, title: str, beside: bool
+) -> None:
+    body = figure.get_figheight()
+    above, right = GAP / 2, RIGHT
+    if legend is not None and beside:
+        right += _extent(figure, legend).width / figure.dpi + GAP
+    elif legend is not None:
         above = _extent(figure, legend).height / figure.dpi + GAP
     own = max(title_height(ax.get_title("left")) for ax in axes)
     height = body + above + title_height(title) + own
-    if title:
-        figure.suptitle(title, x=LEFT / width, y=1 - above / height, ha="left", va="top",
-                        fontsize="medium")
     figure.set_figheight(height)
+    if legend is not None and beside:
+        legend.set_bbox_to_anchor((1.0, body / height))
     grid = axes[0].get_gridspec()
     rows, columns = (1, 1) if grid is None else grid.get_geometry()
     gap = GAP + own
     figure.subplots_adjust(
-        left=LEFT / width, right=1 - RIGHT / width, bottom=BOTTOM / height, top=body / height,
+        bottom=BOTTOM / height, top=body / height,
         hspace=gap * rows / (body - BOTTOM - gap * (rows - 1)),
-        wspace=GAP * columns / (width - LEFT - RIGHT - GAP * (columns - 1)),
     )  # fmt: skip
+    longer = _longer_numbers(axes)  # which follow from the height
+    width, left = figure.get_figwidth() + longer, LEFT + longer
+    figure.set_figwidth(width)
+    panel = (width - left - right - GAP * (columns - 1)) / columns
+    figure.subplots_adjust(left=left / width, right=1 - right / width, wspace=GAP / panel)
+    if title:
+        figure.suptitle(title, x=left / width, y=1 - above / height, ha="left", va="top",
+                        fontsize="medium")
+    for ax in axes if not _is_in_space(axes) else ():
+        # A fixed place: else each of the labels looks at all ticks of all panels.
+        ax.yaxis.set_label_coords(-(0.5 + longer) / panel, 0.5)
+
+
+def _is_in_space(axes: Sequence[Axes]) -> bool:
+    return axes[0].name == "3d"
 
 
 def title_height(words: str) -> float:
@@ -258,7 +342,11 @@ def title_height(words: str) -> float:
 
 
 def free_places(
-    ax: Axes, points: Floats, words: Sequence[str], drawn: Floats
+    ax: Axes,
+    points: Floats,
+    words: Sequence[str],
+    drawn: Floats,
+    dots: Floats | None = None,
 ) -> Iterator[dict[str, Any]]:
     """Where labels of points stand on the fewest of the points that are drawn, and on no other.
 
@@ -266,6 +354,8 @@ def free_places(
     ----------
     points, drawn
         In the coordinates of the axes' plane, shapes (n, 2) and (m, 2).
+    dots
+        As `drawn`; they may be hidden, if that keeps a label near its point.
 
     Yields
     ------
@@ -274,6 +364,9 @@ def free_places(
     """
     inch = ax.figure.dpi
     taken = ax.transData.transform(drawn[np.isfinite(drawn).all(axis=1)]) / inch
+    soft = np.empty((0, 2)) if dots is None else ax.transData.transform(
+        dots[np.isfinite(dots).all(axis=1)]
+    ) / inch
     inside = ax.bbox.frozen().transformed(ax.figure.dpi_scale_trans.inverted())
     for point, word in zip(ax.transData.transform(points) / inch, words, strict=True):
         lines = word.splitlines()
@@ -282,7 +375,9 @@ def free_places(
         for away, (right, up) in product(AWAY, SIDES):
             offset = np.array([right, up]) * away / 72
             corner = point + offset + size * (np.sign([right, up]) - 1) / 2
-            hidden = ((taken > corner - 0.03) & (taken < corner + size + 0.03)).all(axis=1).sum()
+            low, high = corner - 0.03, corner + size + 0.03
+            hidden = ((taken > low) & (taken < high)).all(axis=1).sum()
+            hidden += DOT * ((soft > low) & (soft < high)).all(axis=1).sum()
             beyond = not (inside.contains(*corner) and inside.contains(*(corner + size)))
             bad = float(hidden) + 1000.0 * beyond + 0.5 * (away - AWAY[0]) / AWAY[0]
             if best is None or bad < best[0]:
@@ -307,15 +402,47 @@ def columns(tracks: Tracks, column: str) -> list[Floats]:
     return [tracks[label][column].to_numpy() for label in filters or tracks if len(tracks[label])]
 
 
-def limits(truth: Floats, estimates: Sequence[Floats], least: float = 1.0) -> tuple[float, float]:
-    """Limits that contain the truth and the estimates near it; at least `least` m apart.
+def limits(
+    seen: Floats, tracks: Tracks, axis: str, reach: float = 0.0, least: float = 1.0,
+    whole: str = "",
+) -> tuple[float, float]:
+    """Limits of a coordinate that contain what is seen, and the estimates near it [m].
 
-    A diverging estimate leaves the figure, rather than compress everything else.
+    A diverging estimate leaves the figure, rather than compress everything else; so do outliers of
+    the raw fix.
+
+    Parameters
+    ----------
+    seen
+        Coordinates of what must be in the figure.
+    axis
+        ``x``, ``y`` or ``z``.
+    reach
+        How far estimates extend the figure to both sides at most, if it is more than half of what
+        is seen, and 3 m; raw fixes half as far where there are filters, but 3 m too.
+    least
+        Least distance between the limits.
+    whole
+        Receiver all of whose estimates must be in the figure, however far away.
     """
-    low, high = float(truth.min()), float(truth.max())
-    reach = max((high - low) / 2, 3.0)
-    bottom = max(min([low, *(np.nanmin(e) for e in estimates)]), low - reach)
-    top = min(max([high, *(np.nanmax(e) for e in estimates)]), high + reach)
+    column, error = f"{axis}_m", f"error_{axis}_m"
+    must = [seen, tracks[whole][column].to_numpy()] if whole else [seen]
+    known = np.concatenate([values[np.isfinite(values)] for values in must])
+    low, high = float(known.min()), float(known.max())
+    reach = max(reach, (high - low) / 2, 3.0)
+    bottom, top = low, high
+    filters = any(map(is_filter, tracks))
+    for label, table in tracks.items():
+        values, far = table[column].to_numpy(), reach
+        if not is_filter(label):
+            errors = np.abs(table[error].to_numpy())
+            if len(errors):
+                values = values[errors <= OUTLIER * np.nanpercentile(errors, 95)]
+            far = max(reach / 2, 3.0) if filters else reach
+        values = values[np.isfinite(values)]
+        if len(values):
+            bottom = min(bottom, max(float(values.min()), low - far))
+            top = max(top, min(float(values.max()), high + far))
     margin = max(0.06 * (top - bottom), (least - (top - bottom)) / 2)
     return bottom - margin, top + margin
 

@@ -31,15 +31,26 @@ if TYPE_CHECKING:
 MOST_TOGETHER = 3
 """Filters on one map; more of them get a map each."""
 MOST_MARKS = 6
+MARK, TURNS = 0.4, 2.5
+"""Of a path for each mark [inch]; a path counts as this many times its extent at most."""
+TALLEST, TALLEST_OF_MANY = 6.2, 3.6
+"""Height of a map, and of one of several [inch]."""
+FLATTEST, FLATTEST_OF_MANY = 3.2, 2.0
+"""Width of a map, and of one of several, in its heights."""
+NARROWEST_3D = 0.35
+"""Width of the box in space in its lengths, and its height in the same."""
 STEPS_S = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 21600)
 """Times between two marks on a path [s]."""
 ENDS = ((0, "start", "o"), (-1, "end", "s"))
 """Row of the path, label and marker."""
+REPORTED, CENTRE = "beacons as reported (mean)", "platform as reported"
 MOST_REPORTS = 500
 """Reports of the platform's position that a map shows."""
 LONGEST_ARM = 10.0
 """Beacons farther from their middle than this [m] are not on arms of a platform."""
-MARGINS_3D = (0.45, 0.75, 0.7, 0.1)
+PAD_3D = -2.0
+"""Between the numbers of an axis in space and its name [point]."""
+MARGINS_3D = (0.5, 1.0, 0.8, 0.1)
 """Left, right, below and above the box in space [inch]."""
 TALLEST_3D = 6.0
 """Of the box in space with its labels [inch]."""
@@ -59,7 +70,9 @@ def plot_path(
         platform = _Platform(record, truth)
         limits = _limits(np.vstack([truth, platform.true, platform.reported]), tracks, "xy")
         apart = own and sum(map(drawing.is_filter, tracks)) > MOST_TOGETHER
-        maps = [ax] if ax is not None else _maps(limits, len(tracks) if apart else 1)
+        names = [*platform.names, "true path", *([] if apart else tracks)]
+        sheet = _Sheet(limits, len(tracks) if apart else 1, drawing.legend_width(names))
+        maps = [ax] if ax is not None else sheet.axes()
         styled = list(drawing.lines_of(tracks, look))
         for i, panel in enumerate(maps):
             platform.draw(panel, 4 if apart else 6, look)
@@ -68,14 +81,18 @@ def plot_path(
                 drawing.add_line(
                     panel, table["y_m"], table["x_m"], how | ({} if apart else {"label": label})
                 )
+            if own:
+                limits = sheet.limits
             panel.set(xlim=limits["y_m"], ylim=limits["x_m"], aspect="equal")
             if apart:
-                panel.set_title(drawing.short(styled[i][0]), loc="left")
-        every = _time_between_marks(record.time_ns / 1e9)
+                name = drawing.short_for(styled[i][0], sheet.wide)
+                panel.set_title(name, loc="left")
+        scale = sheet.scale if own else _scale(maps[0])
+        every = _time_between_marks(record.time_ns / 1e9, _marks(truth, scale))
         _name_axes(maps)
         drawing.finish(
-            maps, own, f"map, with a mark every {_in_words(every, every)}",
-            drawing.outside(tracks, limits), drawing.no_fix(tracks),
+            maps, own, "map" + (f", with a mark every {_in_words(every, every)}" if every else ""),
+            drawing.outside(tracks, limits), drawing.no_fix(tracks), beside=sheet.beside,
         )  # fmt: skip
         for panel in maps:
             _mark_times(panel, record, tracks if not apart else {}, every, look)
@@ -88,10 +105,14 @@ def plot_path_3d(
     """Path and estimates in space, depth downwards (the paper's Figure 12b)."""
     with use(theme, ax) as look:
         own = ax is None
-        ax = ax or new_figure(6.4, 6.4, laid_out=True).add_subplot(projection="3d")
+        ax = ax or new_figure(drawing.WIDTH, drawing.WIDTH, laid_out=True).add_subplot(
+            projection="3d"
+        )
         truth = recorded(record, "target.position")
         platform = _Platform(record, truth)
         limits = _limits(np.vstack([truth, platform.true]), tracks, AXES)
+        longest = NARROWEST_3D * max(float(np.ptp(limit)) for limit in limits.values())
+        limits |= {column: _widened(limits[column], longest) for column in ("x_m", "y_m")}
         for number, arm in enumerate(_arms(platform.true)):
             ax.plot(*arm[:, [1, 0, 2]].T, color=look.soft, marker="^", ms=5, markevery=[-1],
                     ls="" if _are_far(platform.true) else "-",
@@ -109,7 +130,7 @@ def plot_path_3d(
         ax.set(xlim=limits["y_m"], ylim=limits["x_m"], zlim=limits["z_m"][::-1])
         ax.set(xlabel="East y [m]", ylabel="North x [m]", zlabel="Depth z [m]")
         north, east, depth = (np.ptp(limit) for limit in limits.values())
-        height = max(depth, 0.35 * max(north, east))
+        height = max(depth, NARROWEST_3D * max(north, east))
         ax.set_box_aspect((east, north, height), zoom=1.0 if own else 1.3)
         stretched = f"depth ×{height / depth:.2g}" if height > 1.005 * depth else ""
         for line in ax.lines:
@@ -119,6 +140,9 @@ def plot_path_3d(
             axis.set_major_locator(MaxNLocator(5))
             axis.set_pane_color(look.paper)
             axis._axinfo["grid"].update(color=look.grid, linewidth=0.6)
+            numbers = axis.get_major_formatter().format_ticks(axis.get_majorticklocs())
+            pad = (30 if axis is ax.zaxis else 50) * max(map(drawing.inches, numbers))
+            axis.labelpad = PAD_3D + pad
         drawing.finish(
             [ax], own, "path in space", stretched, drawing.outside(tracks, limits),
             drawing.no_fix(tracks),
@@ -142,18 +166,21 @@ class _Platform:
         extent = np.ptp(np.vstack([truth, self.true])[:, :2], axis=0).max()
         moving = np.abs(beacons - self.true).max() > 0.02 * extent  # more than a marker's size
         self.name = "beacons (mean)" if moving else "beacons"
+        self.dotted = not self.is_exact and not _are_far(self.true)
+        self.names = [self.name, *(() if self.is_exact else (REPORTED,)),
+                      *((CENTRE,) if self.dotted else ())]  # fmt: skip
 
     def draw(self, ax: Axes, size: float, look: Theme) -> None:
         """Arms of the beacons; as reported dashed, with dots at its centre at many instants."""
         how = {"color": look.ink, "ms": size}
         self._beacons(ax, self.true, self.name, **how, marker="^", mfc=look.soft)
         if not self.is_exact:
-            self._beacons(ax, self.reported, "beacons as reported (mean)", **how,
+            self._beacons(ax, self.reported, REPORTED, **how,
                           ls=(0, (2.5, 1.5)), marker="v", mfc=look.paper)
-        if not self.is_exact and not _are_far(self.true):
+        if self.dotted:
             drawing.add_line(ax, self.centres[:, 1], self.centres[:, 0], {
                 "color": look.ink, "ls": "", "marker": ".", "ms": 2.2, "alpha": 0.9, "zorder": 2.5,
-                "label": "platform as reported",
+                "label": CENTRE,
             })  # fmt: skip
 
     @staticmethod
@@ -176,32 +203,78 @@ def _are_far(beacons: Floats) -> bool:
 
 
 def _limits(seen: Floats, tracks: Tracks, axes: Sequence[str]) -> dict[str, tuple[float, float]]:
-    """Limits of each coordinate, by column."""
+    """Limits of each coordinate, by column; estimates reach as far in all directions."""
+    reach = float(np.ptp(seen[:, :2], axis=0).max()) / 2
     return {
-        f"{axis}_m": drawing.limits(seen[:, i], drawing.columns(tracks, f"{axis}_m"))
-        for i, axis in enumerate(axes)
+        f"{axis}_m": drawing.limits(seen[:, i], tracks, axis, reach) for i, axis in enumerate(axes)
     }
 
 
-def _maps(limits: dict[str, tuple[float, float]], count: int) -> list[Axes]:
-    """Axes of a new figure that has the shape of what it shows."""
-    rows = ceil(count / 3) if count > 4 else ceil(count / 2)
-    columns = ceil(count / rows)
-    north, east = (np.ptp(limit) for limit in limits.values())
-    wide = (5.6, 3.3, 2.5)[columns - 1]
-    high = min(wide * north / east, 6.2 if count == 1 else 3.6)
-    wide, high = max(high * east / north, wide / 2), max(high, wide / 3)
-    figure = new_figure(
-        LEFT + columns * wide + (columns - 1) * GAP + RIGHT,
-        BOTTOM + rows * high + (rows - 1) * (GAP + drawing.title_height("one line")),
-        laid_out=True,
-    )
-    grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
-    for empty in grid.flat[count:]:
-        empty.set_axis_off()
-    for above in grid[-2, count - columns * rows :] if count < columns * rows else ():
-        above.tick_params(labelbottom=True)
-    return list(grid.flat[:count])
+def _widened(limits: tuple[float, float], span: float) -> tuple[float, float]:
+    """Limits that far apart, with the same middle."""
+    more = max(span - (limits[1] - limits[0]), 0.0) / 2
+    return limits[0] - more, limits[1] + more
+
+
+class _Sheet:
+    """A new figure of the usual width with maps that fill it, whatever the shape of what they show.
+
+    Attributes
+    ----------
+    wide, high
+        Size of a map [inch].
+    limits
+        Of its coordinates: the narrower one is widened to the shape of the map.
+    beside
+        Whether the legend is on the right: of one map that is high and narrow.
+    scale
+        Inches of a metre.
+    """
+
+    def __init__(
+        self, limits: dict[str, tuple[float, float]], count: int, legend: float
+    ) -> None:
+        self._count = count
+        self._rows = ceil(count / 3) if count > 4 else ceil(count / 2)
+        self._columns = ceil(count / self._rows)
+        north, east = (float(np.ptp(limit)) for limit in limits.values())
+        gaps = LEFT + RIGHT + GAP * (self._columns - 1)
+        self.wide = (drawing.WIDTH - gaps) / self._columns
+        tallest = TALLEST if count == 1 else TALLEST_OF_MANY
+        self.beside = count == 1 and tallest * east / north < self.wide - legend - GAP
+        if self.beside:
+            self.wide -= legend + GAP
+        flattest = FLATTEST if count == 1 else FLATTEST_OF_MANY
+        self.high = min(max(self.wide * north / east, self.wide / flattest), tallest)
+        self.scale = min(self.wide / east, self.high / north)
+        self.limits = {
+            "x_m": _widened(limits["x_m"], self.high / self.scale),
+            "y_m": _widened(limits["y_m"], self.wide / self.scale),
+        }
+
+    def axes(self) -> list[Axes]:
+        """The axes of the figure."""
+        rows, columns, count = self._rows, self._columns, self._count
+        figure = new_figure(
+            drawing.WIDTH,
+            BOTTOM + rows * self.high + (rows - 1) * (GAP + drawing.title_height("one line")),
+            laid_out=True,
+        )
+        grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+        for empty in grid.flat[count:]:
+            empty.set_axis_off()
+        for above in grid[-2, count - columns * rows :] if count < columns * rows else ():
+            above.tick_params(labelbottom=True)
+        for panel in grid.flat[:count]:
+            longest = max(drawing.inches(f"{end:.0f}") for end in self.limits["y_m"])
+            panel.xaxis.set_major_locator(_locator(self.wide, longest + 0.35))
+            panel.yaxis.set_major_locator(_locator(self.high, 0.4))
+        return list(grid.flat[:count])
+
+
+def _locator(room: float, each: float) -> MaxNLocator:
+    """Ticks with so many inches each."""
+    return MaxNLocator(min(max(int(room / each), 2), 9), steps=[1, 2, 2.5, 5, 10])
 
 
 def _name_axes(maps: Sequence[Axes]) -> None:
@@ -216,9 +289,24 @@ def _name_axes(maps: Sequence[Axes]) -> None:
 # --- Time along the path -------------------------------------------------------------------------
 
 
-def _time_between_marks(time_s: Floats) -> float:
+def _scale(ax: Axes) -> float:
+    """Inches of a metre on a map."""
+    ax.apply_aspect()
+    return float(ax.bbox.width / ax.figure.dpi / np.ptp(ax.get_xlim()))
+
+
+def _marks(path: Floats, scale: float) -> int:
+    """How many marks the path has room for, as it is drawn at so many inches for a metre."""
+    steps = np.hypot(*np.diff(path[:, :2], axis=0).T).sum()
+    reach = np.hypot(*np.ptp(path[:, :2], axis=0))
+    return min(int(min(steps, TURNS * reach) * scale / MARK), MOST_MARKS)
+
+
+def _time_between_marks(time_s: Floats, most: int) -> float:
+    """Time between marks [s]; 0 if there is no room for any."""
     span = float(time_s[-1] - time_s[0])
-    return next((step for step in STEPS_S if step * MOST_MARKS >= span), span)
+    every = next((step for step in STEPS_S if step * most >= span), span)
+    return every if every <= 0.75 * span else 0.0
 
 
 def _in_words(time_s: float, every_s: float) -> str:
@@ -233,21 +321,24 @@ def _mark_times(
     """Marks and arrowheads along the true path, with labels where the least is drawn."""
     time_s, path = record.time_ns / 1e9, recorded(record, "target.position")[:, [1, 0]]
     first, last = time_s[0], time_s[-1]
-    marks = np.arange(ceil((first + 0.5 * every) / every) * every, last - 0.25 * every, every)
+    marks = np.empty(0)
+    if every:
+        marks = np.arange(ceil((first + 0.5 * every) / every) * every, last - 0.25 * every, every)
+        _point_ahead(ax, time_s, path, every, look)
     at = np.column_stack([np.interp(marks, time_s, c) for c in path.T])
     ax.plot(*at.T, ls="", marker="o", ms=3.5, color=look.ink, zorder=5.5)
-    _point_ahead(ax, time_s, path, every, look)
     words = _ends(ax, path[[0, -1]])
     labels = [(point, _in_words(float(t), every)) for point, t in zip(at, marks, strict=True)]
     for row, word, marker in ENDS:
         ax.plot(*path[row], marker, color=look.ink, mfc=look.paper, ms=7, zorder=6)
         if word in words:
             labels.insert(0, (path[row], words[word]))
-    drawn = [path, *(table[["y_m", "x_m"]].to_numpy() for table in tracks.values())]
-    drawn += [np.asarray(line.get_xydata()) for line in ax.lines]
+    lines = [np.asarray(line.get_xydata()) for line in ax.lines if line.get_marker() != "."]
+    dots = [np.asarray(line.get_xydata()) for line in ax.lines if line.get_marker() == "."]
     places = drawing.free_places(
-        ax, np.array([point for point, _ in labels]), [w for _, w in labels], np.vstack(drawn)
-    )
+        ax, np.array([point for point, _ in labels]), [w for _, w in labels],
+        np.vstack([path, *lines]), np.vstack(dots) if dots else None,
+    )  # fmt: skip
     for (point, word), place in zip(labels, places, strict=True):
         ax.text(point[0], point[1], word, fontsize=SMALL, zorder=7, **place)
 

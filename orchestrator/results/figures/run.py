@@ -7,10 +7,12 @@ tables of `metrics.track`, by receiver. The maps are in `sblcosim.results.figure
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import floor, log10
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import FuncFormatter, MultipleLocator
 
 from ...data.estimates import Floats
 from ...data.truth import recorded
@@ -18,6 +20,7 @@ from ...judge import possible
 from ...judge.definitions import AXES, FRAME_WORDS
 from ...judge.metrics import REPORTED, error_column, with_errors
 from ...style import LINES, ThemeName, use
+from ...words.numbers import minus
 from . import drawing
 from .drawing import Tracks
 from .maps import plot_path as plot_path
@@ -29,6 +32,9 @@ if TYPE_CHECKING:
 
 NAMES = {"x": "North x", "y": "East y", "z": "Depth z"}
 INCLINATION_WINDOW_S = 60.0
+TIMES = (("h", 3600.0, 3 * 3600.0), ("min", 60.0, 20 * 60.0), ("s", 1.0, 0.0))
+"""Units of the time axis, their seconds, and the duration of a run from which they are used [s]."""
+MOST_TICKS = 9
 COARSE_S = 0.25
 """Sampling interval [s] above which a line through samples of waves (periods from 1 s) misleads."""
 
@@ -36,12 +42,15 @@ COARSE_S = 0.25
 def plot_axes(
     record: Record, tracks: Tracks, axes: Sequence[Axes] | None = None, theme: ThemeName = "light"
 ) -> Sequence[Axes]:
-    """True and estimated coordinates over time (the paper's Figure 13); three axes."""
+    """True and estimated coordinates over time (the paper's Figure 13); three axes.
+
+    They hold all estimates of the first receiver, and those of the others near these.
+    """
     with use(theme, axes) as look:
         own = axes is None
         axes = drawing.panels(3, axes)
         time_s, truth = record.time_ns / 1e9, recorded(record, "target.position")
-        limits = {}
+        limits, main = {}, next(filter(drawing.is_filter, tracks), next(iter(tracks), ""))
         for i, (ax, axis) in enumerate(zip(axes, AXES, strict=True)):
             ax.plot(time_s, truth[:, i], label="truth", **drawing.truth_of(look))
             for label, table, how in drawing.lines_of(tracks, look):
@@ -49,7 +58,7 @@ def plot_axes(
                     ax, table["epoch_s"], table[f"{axis}_m"], how | {"label": label}
                 )
             column = f"{axis}_m"
-            limits[column] = drawing.limits(truth[:, i], drawing.columns(tracks, column), 0.5)
+            limits[column] = drawing.limits(truth[:, i], tracks, axis, least=0.5, whole=main)
             ax.set(ylim=limits[column], ylabel=f"{NAMES[axis]} [m]")
         axes[2].invert_yaxis()
         _time_axis(axes, record)
@@ -204,9 +213,19 @@ def plot_range_test(
 
 
 def _time_axis(axes: Sequence[Axes], record: Record) -> None:
-    """Make the time axis cover the whole run."""
+    """Make the time axis cover the whole run, in the unit that suits its duration."""
     start, stop = record.time_ns[[0, -1]] / 1e9
     margin = 0.01 * (stop - start)
     for ax in axes:
         ax.set_xlim(start - margin, stop + margin)
-    axes[-1].set_xlabel("Time [s]")
+    name, seconds = next(unit for unit in TIMES if stop - start >= unit[2])[:2]
+    axes[-1].set_xlabel(f"Time [{name}]")
+    axes[-1].xaxis.set_major_locator(MultipleLocator(_tick(stop - start, seconds)))
+    axes[-1].xaxis.set_major_formatter(FuncFormatter(lambda t, _: minus(f"{t / seconds:.10g}")))
+
+
+def _tick(span_s: float, unit_s: float) -> float:
+    """Time between ticks [s]: at most `MOST_TICKS` of them, at round numbers of the unit."""
+    least = span_s / unit_s / MOST_TICKS
+    power = 10.0 ** floor(log10(least))
+    return unit_s * power * next(step for step in (1, 2, 5, 10) if step * power >= 0.999 * least)

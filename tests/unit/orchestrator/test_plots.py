@@ -197,8 +197,13 @@ def test_estimate_that_runs_away_leaves_the_figures_and_they_say_so():
     path = plots.plot_path(record, tracks)
     assert np.ptp(path.get_xlim()) < 100
     space = plots.plot_path_3d(record, tracks)
-    for ax in (path, space, plots.plot_axes(record, tracks)[0]):
+    for ax in (path, space):
         assert "outside of the figure: ekf (98 of 99)" in title_of(ax)
+    second = {"steady": track(make_record({"steady": np.zeros((1, 3))}), "steady"), **tracks}
+    ax = plots.plot_axes(record, second)[0]
+    assert np.ptp(ax.get_ylim()) < 100
+    assert "outside of the figure: ekf (98 of 99)" in title_of(ax)
+    assert plots.plot_axes(record, tracks)[0].get_ylim()[1] > 1e6  # the main one is never cut
 
 
 def drawn_inside(legend, figure):
