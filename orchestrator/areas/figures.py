@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,23 +15,33 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 
 from ..data.estimates import Floats
 from ..judge.definitions import MANY_LOST
-from ..results.figures.drawing import LINE, short
+from ..results.figures.drawing import LINE, short, wrapped
+from ..results.figures.maps import LONGEST_ARM
 from ..style import SIZE, Theme, ThemeName, new_figure, use
+from ..words.lists import counted
 from ..words.numbers import meters
+from ..words.shares import percent
 from .result import AreaMap, part, widened
 from .survey import NEAR
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+ERROR, LOSSES = "standard error of the 95 % error [%]", "lost runs [%]"
+"""Labels of the maps of `plot_certainty`."""
 COLOURS = "viridis_r"
 """Perceptually uniform, and in order for colour-blind readers; dark is bad."""
 _RATIO = 6.0
 """Beyond this ratio of largest to least, colours follow the logarithm."""
 _WIDE, _NARROW = 3.2, 3.6
 """Width of a panel [inch]."""
-_SHORTEST = 13
-"""Characters of a line of a title, however narrow its map is."""
+_SHORTEST = 1.0
+"""Width of a line of a title, however narrow its map is [inch]."""
+_BESIDE = 2.1
+"""Width of the legend [inch]."""
+_UNBROKEN = "\N{NO-BREAK SPACE}%"
+SMALLEST = 0.01
+"""Arms shorter than this part of the map are hidden by the marks of their beacons."""
 
 
 def plot_map(area: AreaMap, *, narrow: bool = False, theme: ThemeName = "light") -> list[Axes]:
@@ -51,11 +60,11 @@ def plot_map(area: AreaMap, *, narrow: bool = False, theme: ThemeName = "light")
         shown = _cells(first, area, receiver, norm)
         _cells(second, area, possible, norm)
         dilution = _cells(third, area, hdop, _norm(hdop))
-        handles = [_beacons(ax, area) for ax in axes][:1]
+        handles, *_ = [_beacons(ax, area) for ax in axes]
         lines = _requirement(first, area, receiver)
         lines |= _requirement(second, area, possible, band=False)
         handles += lines.values()
-        lost = f"more than {MANY_LOST:.0%} of the runs lost"
+        lost = f"more than {percent(MANY_LOST)} of the runs lost"
         handles += _hatched(first, area, area.of("lost_share") > MANY_LOST, lost)
         handles += _hatched(second, area, area.of("accuracy") == 0, "no accuracy is possible",
                             look)
@@ -66,7 +75,7 @@ def plot_map(area: AreaMap, *, narrow: bool = False, theme: ThemeName = "light")
         new = "\n" if narrow else " "  # along a bar that is perhaps short
         _bar(figure, shown, [first, second], f"95 % of the {what}{new}errors within [m]", narrow)
         _bar(figure, dilution, [third], f"HDOP [m per m{new}of range error]", narrow)
-        legend_above(figure, handles, 1 if narrow else 3)
+        _explain(figure, area, handles, narrow)
     return axes
 
 
@@ -76,22 +85,30 @@ def plot_narrow(area: AreaMap, theme: ThemeName = "light") -> list[Axes]:
 
 
 def plot_certainty(area: AreaMap, theme: ThemeName = "light") -> list[Axes]:
-    """The standard error of the receiver's 95 % error, as a share of it, and the lost runs."""
+    """The standard error of the receiver's 95 % error, as a share of it, and the lost runs.
+
+    What is zero everywhere, or not known anywhere, has no map; see `uncertain`.
+    """
     with use(theme):
-        with np.errstate(invalid="ignore"):
-            share = 100 * area.of("std_error_m") / area.of("p95_m")
-        figure, axes = _panels(area, 2, narrow=False)
-        maps = (share, 100 * area.of("lost_share"))
-        labels = ("standard error of the 95 % error [%]", "lost runs [%]")
-        for ax, values, label in zip(axes, maps, labels, strict=True):
-            known = values[np.isfinite(values)]
-            top = max(float(known.max(initial=0.0)), 1.0)
+        maps = uncertain(area)
+        figure, axes = _panels(area, len(maps), narrow=False)
+        for ax, (label, values) in zip(axes, maps.items(), strict=True):
+            top = max(float(values[np.isfinite(values)].max()), 1.0)
             _bar(figure, _cells(ax, area, values, Normalize(0.0, top)), [ax], label, False)
-        handles = [_beacons(ax, area) for ax in axes][:1]
-        handles += _requirement(axes[0], area, area.of("p95_m")).values()
+        handles, *_ = [_beacons(ax, area) for ax in axes]
+        if ERROR in maps:
+            handles += _requirement(axes[0], area, area.of("p95_m")).values()
         axes[0].set_title(short(area.receiver), loc="left")
-        legend_above(figure, handles, 2)
+        _explain(figure, area, handles, False, "" if LOSSES in maps else "No run was lost. ")
     return axes
+
+
+def uncertain(area: AreaMap) -> dict[str, Floats]:
+    """The maps of `plot_certainty` [%], by their labels."""
+    with np.errstate(invalid="ignore"):
+        error = 100 * area.of("std_error_m") / area.of("p95_m")
+    maps = {ERROR: error, LOSSES: 100 * area.of("lost_share")}
+    return {name: m for name, m in maps.items() if (np.isfinite(m) & (m > 0)).any()}
 
 
 def _panels(
@@ -136,9 +153,9 @@ def _titled(area: AreaMap, name: str, share: str) -> str:
     if area.limit_m is None:
         return name
     (height, width) = (high - low for low, high in (area.grid.north, area.grid.east))
-    room = _WIDE * min(1.8 * width / height, 1.0)
+    room = max(_WIDE * min(1.8 * width / height, 1.0), _SHORTEST)
     words = f"{part(area.summary()[share])} within {meters(area.limit_m)}"
-    return "\n".join([name, *wrap(words, max(int(room / (0.6 * SIZE / 72)), _SHORTEST))])
+    return "\n".join([name, wrapped(words.replace(" %", _UNBROKEN), room).replace(_UNBROKEN, " %")])
 
 
 def _norm(*maps: Floats, bounds: tuple[float, float] | None = None) -> Normalize:
@@ -226,13 +243,21 @@ def _hatched(
     return [Patch(facecolor=paper, edgecolor=colour, hatch=hatch, label=label)]
 
 
-def _beacons(ax: Axes, area: AreaMap) -> Any:
+def _beacons(ax: Axes, area: AreaMap) -> list[Any]:
+    """The beacons where they are, with arms to scale; one mark where they would hide each other."""
     north, east, _ = area.beacons.T
-    (handle,) = ax.plot(
-        east, north, ls="", marker="^", ms=5, color="#000000", mfc="#ffffff", label="beacons",
-        zorder=5,
-    )
-    return handle
+    middle = area.beacons.mean(axis=0)
+    arm = float(np.hypot(*(area.beacons - middle)[:, :2].T).max())
+    sides = [np.ptp(ends) for ends in (area.grid.north, area.grid.east)]
+    how: dict[str, Any] = {"color": "#000000", "mfc": "#ffffff", "zorder": 5, "marker": "^"}
+    if arm < SMALLEST * max(sides):
+        name = f"{counted(len(north), 'beacon')} within {meters(arm)}"
+        return ax.plot(middle[1], middle[0], ls="", ms=5, label=name, **how)
+    if arm <= LONGEST_ARM:
+        for beacon in area.beacons:
+            ends = np.array([middle, beacon])
+            ax.plot(ends[:, 1], ends[:, 0], color="#000000", lw=0.9, zorder=4.9)
+    return ax.plot(east, north, ls="", ms=3.5, label="beacons, to scale", **how)
 
 
 def _bar(figure: Figure, shown: Any, axes: list[Axes], label: str, narrow: bool) -> None:
@@ -247,6 +272,47 @@ def _bar(figure: Figure, shown: Any, axes: list[Axes], label: str, narrow: bool)
         bar.update_ticks()
         bar.long_axis.set_minor_formatter(NullFormatter())
     bar.outline.set_linewidth(0.6)
+
+
+def _explain(
+    figure: Figure, area: AreaMap, handles: list[Any], narrow: bool, said: str = ""
+) -> None:
+    """A legend beside the panels, or above narrow ones, and what is shown below; all grows."""
+    if narrow:
+        legend_above(figure, handles, 1)
+    else:
+        for handle in handles:
+            handle.set_label(wrapped(handle.get_label(), _BESIDE - 0.6))
+        figure.set_figwidth(figure.get_figwidth() + _BESIDE)
+        figure.legend(handles=handles, loc="outside right upper", borderaxespad=0.3)
+    words = wrapped(said + caption(area), figure.get_figwidth() - 0.3)
+    figure.set_figheight(figure.get_figheight() + LINE * (words.count("\n") + 2))
+    figure.supxlabel(words, x=0.1 / figure.get_figwidth(), ha="left", fontsize=SIZE)
+
+
+def caption(area: AreaMap) -> str:
+    """What has been mapped: scenario, depth, beacons, sensors, sea and runs."""
+    platform = area.scenario.platform
+    parts = [
+        f"{area.scenario.name}, {area.grid.depth:g} m deep", counted(len(area.beacons), "beacon"),
+        "still water" if platform.beaufort is None else f"Beaufort {platform.beaufort}",
+        _sensor(platform, "GPS", "gps_grade", "gps_horizontal", "m"),
+        _sensor(platform, "compass", "imu_grade", "imu_heading", "deg"),
+        f"{counted(int(area.cells['runs'].sum()), 'run')} in {counted(area.grid.count, 'cell')}",
+    ]  # fmt: skip
+    return f"{'; '.join(parts)}."
+
+
+def _sensor(platform: Any, name: str, grade: str, prefix: str, unit: str) -> str:
+    """The grade of a sensor, or the size of its error."""
+    given = getattr(platform, grade)
+    if given is not None:
+        return f"{name}: {given.replace('_', ' ')}"
+    parts = [getattr(platform, f"{prefix}_{part}_{unit}", 0.0) or 0.0
+             for part in ("std", "bias", "bias_std", "markov_std")]  # fmt: skip
+    size = float(np.linalg.norm(parts))
+    error = meters(size) if unit == "m" else f"{size:.2g}°"
+    return f"{name} error {error}" if size else f"exact {name}"
 
 
 def legend_above(figure: Figure, handles: list[Any], columns: int) -> None:

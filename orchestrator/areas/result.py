@@ -28,7 +28,7 @@ from ..shown import Picture
 from ..tracks.place import Origin
 from ..words.lists import counted
 from ..words.numbers import meters, number
-from ..words.shares import rough_percent
+from ..words.shares import percent, rough_percent, whole_percent
 from . import contours
 from .grid import Grid
 from .possible import caveat
@@ -293,8 +293,8 @@ class AreaMap(Answer):
     def _remarks(self) -> Iterator[str]:
         s, found = self.settings, self.summary()
         yield (
-            f"lost runs: {found['lost_share']:.2%} of {found['runs']:,}; more than "
-            f"{MANY_LOST:.0%} in {_cells(found['cells_with_many_lost'])}"
+            f"lost runs: {percent(found['lost_share'], '.2f')} of {found['runs']:,}; more than "
+            f"{percent(MANY_LOST)} in {_cells(found['cells_with_many_lost'])}"
         )
         if found["lost_share"]:
             yield LOST
@@ -351,14 +351,18 @@ def _range(three: list[float]) -> str:
 def _errors(three: list[float]) -> str:
     if not np.isfinite(three[1]):
         return "standard errors unknown"
-    return f"standard error {three[1]:.1%} (median), {three[2]:.1%} at most"
+    return (
+        f"standard error {percent(three[1], '.1f')} (median), {percent(three[2], '.1f')} at most"
+    )
 
 
 def part(share: float) -> str:
     """A share of an area. It shows whether there is any, and whether it is all."""
     if share in (0.0, 1.0):
         return "all" if share else "no part"
-    return "less than 1%" if share < 0.01 else "more than 99%" if share > 0.99 else f"{share:.0%}"
+    if share < 0.01:
+        return "less than 1 %"
+    return "more than 99 %" if share > 0.99 else whole_percent(share)
 
 
 def widened(low: float, high: float, least: float) -> tuple[float, float]:
@@ -390,6 +394,7 @@ def _data(area: AreaMap) -> tuple[Any, ...]:
 FIGURES: Mapping[str, Figure[AreaMap]] = by_name(
     Figure("map", _figures.later("plot_map"), _data, _caption),
     Figure("map_narrow", _figures.later("plot_narrow"), _data, _caption),
-    Figure("certainty", _figures.later("plot_certainty"), _data, _caption),
+    Figure("certainty", _figures.later("plot_certainty"), _data, _caption,
+           condition=lambda area: bool(_figures.uncertain(area))),
 )
 """The figures in a map's folder."""

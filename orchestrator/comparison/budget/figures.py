@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from ...style import PLAIN, ThemeName, new_figure, use
+from ...words.lists import listed
 from ...words.numbers import short_length
 from .result import FRAMES, Budget, bars
 
@@ -23,15 +24,15 @@ def plot_budget(
     """Shares of the mean square that go with each source alone, of the receiver and of the bound.
 
     Whiskers are the 95 % intervals. The sources of error are sorted; below them stand what is left
-    when all are switched, and what does not add up.
+    when all are switched, and what does not add up. Sources of 0 % are named in a line below.
     """
-    names = bars(budget, frame)
+    names, none = bars(budget, frame)
     rows = budget.of(frame).loc[names]
     bound = not np.isnan(rows["bound_share"]).all()
     with use(theme, ax) as look:
         own = ax is None
         if ax is None:
-            ax = new_figure(6.4, 1.6 + 0.42 * len(names)).add_subplot()
+            ax = new_figure(6.4, 1.6 + 0.42 * len(names) + 0.16 * bool(none)).add_subplot()
         inches = ax.figure.bbox.width / ax.figure.dpi
         labels = [fill(budget.label(name), 26 if inches > _NARROW else 16) for name in names]
         beside = max(len(line) for label in labels for line in label.split("\n"))
@@ -53,7 +54,11 @@ def plot_budget(
         ax.tick_params(axis="y", length=0)
         ax.grid(axis="y", visible=False)
         does = "is made better" if budget.better else "is switched off"
-        ax.set_xlabel(fill(f"Share of the mean square that goes when this {does} [%]", across))
+        label = fill(f"Share of the mean square that goes when this {does} [%]", across)
+        if none:
+            words = f"0 %: {listed([budget.label(name) for name in none])}"
+            label += "\n" + fill(words.replace("0 %", "0\N{NO-BREAK SPACE}%"), across)
+        ax.set_xlabel(label)
         whole = short_length(budget.of(frame)["rms_m"].iloc[0])
         rms = f"{whole} RMS".replace(" ", "\N{NO-BREAK SPACE}")
         title = f"{budget.receiver} in {budget.scenario}: {FRAMES[frame]}, {rms}"

@@ -38,6 +38,8 @@ ALL, NONE, REMAINDER = "all", "what is left", "does not add up"
 """Names of the rows that are no sources."""
 _NAMED = 4
 """Sources that the sentence names at most."""
+HALF_PERCENT = 0.005
+"""Shares below this are 0 %."""
 _LEAST = 0.02
 """Shares below this are not in the sentence."""
 
@@ -340,7 +342,15 @@ def _interval(low: float, high: float) -> str:
     return f"{whole_percent(low).removesuffix(' %')} to {whole_percent(high).removesuffix(' %')}"
 
 
-def bars(budget: Budget, frame: str) -> list[str]:
-    """The rows that a figure shows: all but the whole, from top to bottom."""
+def bars(budget: Budget, frame: str) -> tuple[list[str], list[str]]:
+    """The rows that a figure shows, from top to bottom, and the sources of 0 %, which it names.
+
+    Of 0 % are a source's share and its interval, of the receiver and of the bound.
+    """
     rows = budget.of(frame)
-    return [str(name) for name in rows.index[rows["kind"] != "all"]]
+    columns = ["share", "share_low", "share_high", "bound_share"]
+    none = (rows["kind"] == "source") & (rows[columns].abs() < HALF_PERCENT).where(
+        rows[columns].notna(), True
+    ).all(axis=1)
+    shown = rows.index[(rows["kind"] != "all") & ~none]
+    return [str(name) for name in shown], [str(name) for name in rows.index[none]]

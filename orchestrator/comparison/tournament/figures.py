@@ -28,7 +28,9 @@ ROW, ABOVE = 0.27, 0.75
 REACH, FAR = 6.0, 1.5
 """Differences of more than this many times their median, and of the best one's median, are drawn at
 the edge."""
-_CHARACTERS, _TICKS, _LEGEND = 18.0, 2.0, 2.3
+LEAST_BAND = 0.004
+"""Part of an axis that a band must have to be seen."""
+_CHARACTERS, _TICKS, _LEGEND = 18.0, 2.0, 3.2
 """Of a label, and on an axis, per inch; inches of a column of the legend."""
 _MARKS = {
     "worse": ("s", "worse than the best"), "undecided": ("o", "undecided"),
@@ -107,7 +109,7 @@ def plot_tournament(
     with use(theme, axes) as look:
         if axes is None:
             heights = [ABOVE + ROW * len(panel.receivers) for panel in panels]
-            figure = new_figure(7.2, sum(heights) + 0.6)
+            figure = new_figure(7.2, sum(heights) + 1.0)
             grid = figure.subplots(
                 len(panels), 2 if both else 1, squeeze=False, height_ratios=heights, sharey="row"
             )
@@ -120,19 +122,7 @@ def plot_tournament(
             _spread(axes[sides * i], panel, look, label)
             if both:
                 _difference(axes[sides * i + 1], panel, look, unit, practical)
-        drawn = {verdict for panel in panels for verdict in panel.verdicts}
-        handles: list[Any] = [
-            Line2D([], [], marker="o", ls="", label="median of the runs", **_middle(look)),
-            Line2D([], [], color=look.receivers[1], lw=5, label="middle half of the runs"),
-            *(Line2D([], [], marker=_MARKS[word][0], label=_MARKS[word][1], ls="-",
-                   **_look(word, look))
-            for word in _MARKS if word in drawn),
-        ]  # fmt: skip
-        if both:
-            handles.append(Line2D([], [], marker="|", ls="", ms=11, color=look.ink,
-                                  label="like the best; right of it: worse"))
-        if both and practical is not None:
-            handles.append(Patch(color=look.grid, label="does not matter"))
+        handles = _key(panels, list(axes)[1::2] if both else (), look, unit, practical)
         whole = axes[0].figure
         if list(axes) == whole.axes and whole.get_layout_engine() is not None:
             columns = max(1, int(whole.bbox.width / whole.dpi / _LEGEND))
@@ -140,6 +130,40 @@ def plot_tournament(
         else:
             axes[-1].legend(handles=handles)
     return axes
+
+
+def _key(
+    panels: Sequence[Panel], differences: Sequence[Axes], look: Theme, unit: str,
+    practical: float | None,
+) -> list[Any]:
+    """What the marks, bars and bands that are drawn mean."""
+    spread = np.vstack([panel.spread for panel in panels])
+    handles: list[Any] = [
+        Line2D([], [], marker="o", ls="", label="circle: median of the runs", **_middle(look))
+    ]
+    if (spread[:, 2] > spread[:, 1]).any():
+        handles.append(Line2D([], [], color=look.receivers[1], lw=5,
+                              label="thick bar: middle half of the runs"))
+    if (spread[:, 3] > spread[:, 0]).any():
+        handles.append(Line2D([], [], color=look.ink, lw=0.9,
+                              label="thin line: 5 to 95 % of the runs"))
+    verdicts = {verdict for panel in panels for verdict in panel.verdicts}
+    handles += [
+        Line2D([], [], marker=mark, label=words, ls="", **_look(word, look))
+        for word, (mark, words) in _MARKS.items() if word in verdicts
+    ]  # fmt: skip
+    if not differences:
+        return handles
+    if any(np.isfinite(panel.difference[:, 1:]).any() for panel in panels):
+        handles.append(Line2D([], [], color=look.soft, lw=1.6,
+                              label="bar: 95 % interval of the difference"))
+    handles.append(Line2D([], [], marker="|", ls="", ms=11, color=look.ink,
+                          label="like the best; right of it: worse"))
+    spans = [float(np.ptp(ax.get_xlim())) for ax in differences]
+    if practical is not None and any(2 * practical > LEAST_BAND * span for span in spans):
+        band = f"±{practical:g} {unit}".rstrip()
+        handles.append(Patch(color=look.grid, label=f"grey: within {band}, does not matter"))
+    return handles
 
 
 def _middle(look: Theme) -> dict[str, Any]:

@@ -1,8 +1,8 @@
 """What the figures of a run share: lines of receivers, limits, titles, legends and margins.
 
 Our own figures have margins in inches: all that lies outside of the axes is known beforehand, and
-a layout that measures every label twice takes as long as drawing. All are equally wide, so that type
-has one size where they are shown at one width.
+a layout that measures every label twice takes as long as drawing. All are equally wide, so that
+type has one size where they are shown at one width.
 """
 
 from __future__ import annotations

@@ -102,10 +102,10 @@ SHAPES: dict[str, Shape] = {
     "there_and_back": Shape(line((0, 3, 5), (80, 3, 5), (0, 3, 5)), 320.0),
     "buoys": Shape(lawn(60, 60, 4), 900.0, beacons=BUOYS),
     "buoys_in_a_row": Shape(
-        line((0, -100, 12), (0, 100, 12)), 400.0, beacons=BUOYS * [0.02, 2.0, 1],
+        line((0, -100, 12), (0, 100, 12)), 400.0, beacons=BUOYS * np.array([0.02, 2.0, 1.0]),
     ),
     "far_coordinates": Shape(line((5200, -81000, 5), (5295, -81000, 5)),
-                             beacons=ARMS + [5200, -81000, 0]),
+                             beacons=ARMS + np.array([5200.0, -81000.0, 0.0])),
     "late_start": Shape(line((-45, 10, 5), (50, 12, 25)), 95.0, start_s=86000.0),
     "tiny_wiggle": Shape(circle(0.3, 3.0, away=5.0), 12.0, noise_m=0.02, raw_noise_m=0.1),
     "lost": Shape(line((-45, 10, 5), (50, 10, 5)), noise_m=400.0, raw_noise_m=3000.0),

@@ -16,6 +16,7 @@ import pymap3d
 import pytest
 import sblcosim
 import sblcosim.cli
+from drawn_texts import spoiled_texts
 from matplotlib.patches import Patch
 from matplotlib.text import Text
 from sblcosim import style
@@ -304,7 +305,7 @@ def test_where_nothing_is_heard_all_runs_are_lost_and_there_is_no_error() -> Non
     assert (found.cells["lost_share"] == 1).all()
     assert np.isinf(found.cells["p95_m"]).all()
     assert found.summary()["within_share"] == 0
-    assert "lost runs: 100.00% of 72; more than 5% in 24 cells" in str(found)
+    assert "lost runs: 100.00 % of 72; more than 5 % in 24 cells" in str(found)
     assert "more than 5 % without an estimate in 24 cells" in str(found)
     assert len(found.plot().axes) == 3
 
@@ -487,8 +488,8 @@ def test_where_the_posterior_is_a_ring_there_is_no_accuracy_and_it_is_said() -> 
     assert found.cells["possible_p95_m"].isna().all()
     assert "no accuracy is possible in 16 cells" in str(found)
     assert found.to_json()["summary"]["possible_p95_m"] == [None] * 3
-    labels = [text.get_text() for text in found.plot().figure.legends[0].get_texts()]
-    assert "no accuracy is possible" in labels
+    words = [text.get_text() for text in found.plot().figure.legends[0].get_texts()]
+    assert "no accuracy is possible" in [" ".join(word.split()) for word in words]
 
 
 # --- Contours ------------------------------------------------------------------------------------
@@ -579,7 +580,7 @@ def test_the_figure_has_three_maps_of_one_scale(
         "coupled", "possible", "HDOP",
     ]  # fmt: skip
     told = found.summary()
-    shares = [f"{told[name]:.0%}" for name in ("within_share", "possible_within_share")]
+    shares = [f"{100 * told[name]:.0f} %" for name in ("within_share", "possible_within_share")]
     assert [ax.get_title("left").splitlines()[1:] for ax in picture.axes] == [
         *([f"{share} within 4.0 m"] for share in shares), [],
     ]  # fmt: skip
@@ -591,10 +592,10 @@ def test_the_figure_has_three_maps_of_one_scale(
     assert {ax.get_aspect() for ax in picture.axes} == {1.0}
     width, height = picture.figure.get_size_inches()
     assert (width < 6 and height > width) if narrow else width > height
-    labels = [text.get_text() for text in picture.figure.legends[0].get_texts()]
-    expected = ["beacons", "95 % within 4.0 m", "the same ± 2 standard errors"]
+    labels = [" ".join(text.get_text().split()) for text in picture.figure.legends[0].get_texts()]
+    expected = ["beacons, to scale", "95 % within 4.0 m", "the same ± 2 standard errors"]
     if (found.cells["lost_share"] > result.MANY_LOST).any():
-        expected.append("more than 5% of the runs lost")
+        expected.append("more than 5 % of the runs lost")
     assert labels == expected
     words = [t for t in picture.figure.findobj(Text) if t.get_text() and t.get_visible()]
     assert min(t.get_fontsize() for t in words) >= 8
@@ -609,6 +610,28 @@ def of_values(
         p95_m=p95, possible_p95_m=possible, std_error_m=std_error, lost_share=0.0
     )
     return replace(found, cells=cells, settings={**found.settings, "limit_m": limit})
+
+
+@pytest.mark.parametrize("narrow", [False, True])
+def test_the_figure_says_what_was_mapped_and_has_the_beacons_to_scale(
+    found: result.AreaMap, narrow: bool
+) -> None:
+    picture = found.plot(narrow=narrow)
+    assert spoiled_texts(picture.figure) == []
+    said = " ".join(picture.figure.get_supxlabel().split())
+    runs = f"{int(found.cells['runs'].sum()):,} runs in 24 cells"
+    assert said == (
+        "realistic-dive, 5 m deep; 4 beacons; Beaufort 2; GPS error 1.2 m; compass error 3°; "
+        f"{runs}."
+    )
+    ax = picture.axes[0]
+    (marks,) = [line for line in ax.lines if line.get_marker() == "^"]
+    np.testing.assert_allclose(marks.get_xydata(), found.beacons[:, [1, 0]])
+    arms = [np.array(line.get_xydata()) for line in ax.lines if line is not marks]
+    np.testing.assert_allclose([arm[1] for arm in arms], found.beacons[:, [1, 0]])
+    far = replace(found, grid=Grid((-900.0, 900.0), (-900.0, 900.0), 4, 6, 5.0)).plot().axes[0]
+    (mark,) = far.lines
+    assert " ".join(mark.get_label().split()) == "4 beacons within 3.0 m"
 
 
 def test_noise_does_not_look_like_a_structure(found: result.AreaMap) -> None:
@@ -641,7 +664,9 @@ def test_only_contours_that_are_there_are_in_legend_and_on_earth(
 ) -> None:
     flat = of_values(found, np.linspace(2.0, 6.0, found.grid.count), 3.0, 0.06, limit)
     picture = flat.plot()
-    assert [text.get_text() for text in picture.figure.legends[0].get_texts()] == ["beacons"]
+    assert [text.get_text() for text in picture.figure.legends[0].get_texts()] == [
+        "beacons, to scale"
+    ]
     assert picture.axes[0].get_title("left") == f"coupled\n{words} within {limit:.1f} m"
     assert f"within {limit:.1f} m: {words} of the area, possible in {words}" in str(flat)
     features = (flat.geojson() or {})["features"]
@@ -656,7 +681,7 @@ def test_only_contours_that_are_there_are_in_legend_and_on_earth(
 
 def test_shares_of_an_area_say_whether_there_is_any_and_whether_it_is_all() -> None:
     assert [result.part(share) for share in (0.0, 0.0003, 0.01, 0.5, 0.99, 0.9997, 1.0)] == [
-        "no part", "less than 1%", "1%", "50%", "99%", "more than 99%", "all",
+        "no part", "less than 1 %", "1 %", "50 %", "99 %", "more than 99 %", "all",
     ]  # fmt: skip
 
 
@@ -703,9 +728,15 @@ def test_the_folder_has_figures_and_cells_and_says_what_was_done(
     text = str(found)
     assert "circles clockwise about the middle of the cell, radius 3 m, at 0.3 m/s" in text
     assert "errors count from 6 s to 12 s" in text
-    assert re.search(r"standard error \d+\.\d% \(median\), \d+\.\d% at most", text)
-    assert re.search(r"within 4\.0 m: \d+% of the area, possible in \d+%", text)
+    assert re.search(r"standard error \d+\.\d % \(median\), \d+\.\d % at most", text)
+    assert re.search(r"within 4\.0 m: \d+ % of the area, possible in \d+ %", text)
     assert len(figures.plot_certainty(found)) == 2
+    certain = replace(found, cells=found.cells.assign(lost_share=0.0))
+    (only,) = figures.plot_certainty(certain)
+    assert "standard error" in only.figure.axes[-1].get_xlabel()
+    assert "No run was lost." in only.figure.get_supxlabel()
+    unknown = replace(certain, cells=certain.cells.assign(std_error_m=np.nan))
+    assert [job.name for job in unknown.figures] == ["map", "map_narrow"]
 
 
 def test_the_command_maps_and_refuses_in_its_own_words(tmp_path: Path) -> None:

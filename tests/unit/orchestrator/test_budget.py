@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import sblcosim
+from drawn_texts import spoiled_texts
 from jsonschema import Draft202012Validator
 from matplotlib.text import Text
 from sblcosim import limits, style
@@ -465,7 +466,9 @@ def test_the_figure_shows_receiver_and_bound_side_by_side() -> None:
             picture = found.plot("own_relative", ax, theme)  # type: ignore[arg-type]
             (axes,) = picture.axes
             rows = found.of("own_relative")
-            kept = rows[rows["kind"] != "all"]
+            shares = rows[["share", "share_low", "share_high", "bound_share"]].abs()
+            none = (rows["kind"] == "source") & ((shares < 0.005) | shares.isna()).all(axis=1)
+            kept = rows[(rows["kind"] != "all") & ~none]
             assert [*kept.index[-2:]] == [NONE, REMAINDER]
             bars, _, bound = (c for c in axes.containers)
             for drawn, column in ((bars, "share"), (bound, "bound_share")):
@@ -475,7 +478,32 @@ def test_the_figure_shows_receiver_and_bound_side_by_side() -> None:
             assert shown == [found.label(str(name)) for name in kept.index]
             assert all(t.get_fontsize() >= 8 for t in picture.figure.findobj(Text))
             label = " ".join(axes.get_xlabel().split())
-            assert label == "Share of the mean square that goes when this is made better [%]"
+            assert label.startswith(
+                "Share of the mean square that goes when this is made better [%]"
+            )
+            assert ("0 %: " in label) == none.any()
+            assert all(found.label(str(name)) in label for name in rows.index[none])
+
+
+def test_sources_of_nothing_are_named_in_one_line_of_the_figure() -> None:
+    found = _found()
+    sources = found.table["kind"] == "source"
+    columns = ["share", "share_low", "share_high", "bound_share"]
+    first, second = found.table.loc[sources, "source"].unique()[:2]
+    nothing = sources & (found.table["source"] != first)
+    table = found.table.copy()
+    table.loc[nothing, columns] = 0.004
+    table.loc[sources & (found.table["source"] == second), "share_high"] = 0.02  # perhaps not 0
+    picture = replace(found, table=table).plot()
+    (ax,) = picture.axes
+    shown = [" ".join(t.get_text().split()) for t in ax.get_yticklabels()]
+    assert shown[:2] == [found.label(first), found.label(second)]
+    assert len(shown) == 4
+    *_, words = " ".join(ax.get_xlabel().split()).partition("0 %: ")
+    others = found.table.loc[nothing, "source"].unique()[1:]
+    assert others.size
+    assert all(found.label(name) in words for name in others)
+    assert spoiled_texts(picture.figure) == []
 
 
 def test_a_receiver_without_a_relative_position_has_one_frame() -> None:

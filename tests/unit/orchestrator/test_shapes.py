@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from drawn_texts import spoiled_texts
-from shapes import SHAPES, run_of
 from sblcosim.results.figures import drawing
 from sblcosim.results.figures import run as plots
+from shapes import SHAPES, run_of
 
 DRAWN = {
     "map": lambda run: [plots.plot_path(*run)],

@@ -13,6 +13,7 @@ import pandas as pd
 import pytest
 import sblcosim
 import sblcosim.cli
+from drawn_texts import spoiled_texts
 from sblcosim import style
 from sblcosim.comparison.common.evaluation import ALL, PERCENTILE
 from sblcosim.comparison.many import run as many
@@ -308,6 +309,10 @@ def test_the_figure_has_a_row_for_each_receiver_and_no_small_text(theme: Any) ->
     assert right.get_xlabel().replace("\n", " ") == "median difference from a [m], 95 % all at once"
     said = [t.get_text() for t in axes[0].figure.legends[0].get_texts()]
     assert said.count("like the best; right of it: worse") == 1
+    assert {"circle: median of the runs", "thick bar: middle half of the runs",
+            "thin line: 5 to 95 % of the runs", "grey: within ±0.03 m, does not matter",
+            "bar: 95 % interval of the difference"} <= {*said}
+    assert spoiled_texts(axes[0].figure) == []
     panels = tournament_figures.shown(made_up(practical=0.03))[0]
     with style.use(theme):
         narrow = style.new_figure(3.9, 6.0).subplots(3, 2)
@@ -318,6 +323,20 @@ def test_the_figure_has_a_row_for_each_receiver_and_no_small_text(theme: Any) ->
         assert one.x1 < other.x0
     with pytest.raises(ValueError, match="axes: must be 6 axes, got 1"):
         tournament_figures.plot_tournament(panels, "x", "m", axes=[left])
+
+
+@pytest.mark.parametrize(("practical", "runs", "bands"), [
+    (None, RUNS, ["thick bar"]), (1e-6, RUNS, ["thick bar"]), (0.03, RUNS, ["thick bar", "grey"]),
+    (0.03, 1, ["grey"]),
+])  # fmt: skip
+def test_the_key_has_no_band_that_is_not_drawn(
+    practical: float | None, runs: int, bands: list[str]
+) -> None:
+    made = made_up().table
+    some = {n: made.query("scenario == @n").head(runs) for n in ("near", "far")}
+    axes = evaluate(some, {**SETTINGS, "runs": runs, "practical": practical}).plot().axes
+    said = [t.get_text().partition(":")[0] for t in axes[0].figure.legends[0].get_texts()]
+    assert [word for word in said if word in ("thick bar", "grey")] == bands
 
 
 # --- Real runs -----------------------------------------------------------------------------------
