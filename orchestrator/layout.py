@@ -42,6 +42,14 @@ def _wrapped(line: str, width: int) -> list[str]:
     return [part.replace(_KEPT, " ") for part in parts]
 
 
+def shorter(name: str, longest: int) -> str:
+    """A name with its middle left out, if it is too long."""
+    if len(name) <= longest:
+        return name
+    tail = (longest - 1) // 2
+    return f"{name[: longest - tail - 1]}…{name[len(name) - tail :]}"
+
+
 def table(
     rows: Iterable[Sequence[str]],
     width: int | None,

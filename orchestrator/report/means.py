@@ -179,7 +179,7 @@ def parts(means: Means, drawn: Path | None) -> StudySections:
         for _, row in means.table.iterrows()
     ]
     head = (*(("Factor", "Level") if study.factors else ()), "Runs", f"Mean{own}",
-            f"95% interval{own}", f"Standard deviation{own}")
+            f"95 % interval{own}", f"Standard deviation{own}")
     title = f"{means.quantity[0].upper()}{means.quantity[1:]}"
     return StudySections(
         means.title, means.answer, (),

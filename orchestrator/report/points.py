@@ -9,7 +9,7 @@ import pandas as pd
 from ..judge.definitions import LOST
 from ..study.study import Study
 from ..words.numbers import number, quantity
-from ..words.shares import tight_percent
+from ..words.shares import column_percent
 from .page import Block, PageTable
 
 COLUMNS = {
@@ -56,4 +56,4 @@ def tables(study: Study, runs: pd.DataFrame) -> list[Block]:
 
 
 def _share(value: float) -> str:
-    return "–" if pd.isna(value) else tight_percent(value)
+    return "–" if pd.isna(value) else column_percent(value)

@@ -31,7 +31,7 @@ from ..words.numbers import (
     signed,
     unbroken,
 )
-from ..words.shares import tight_percent
+from ..words.shares import column_percent, percent
 from .page import Block, PageTable, Text
 
 MOST_ROWS = 40
@@ -243,7 +243,7 @@ def effect_table(findings: Findings) -> PageTable:
     ranked = a.ranked()
     level = f"{a.confidence:.4g}".removeprefix("0.")
     own = f" [{a.unit}]" if a.unit else ""
-    head = ["Effect", f"Low to high{own}", f"{level}% interval{own}", "t", "p", "Share",
+    head = ["Effect", f"Low to high{own}", f"{level} % interval{own}", "t", "p", "Share",
             f"Detectable{own}"]
     if a.transform != "none":
         head.append("Ratio")
@@ -252,7 +252,7 @@ def effect_table(findings: Findings) -> PageTable:
     rows = []
     for name, row in ranked.head(MOST_ROWS).iterrows():
         cells = [str(name), signed(row["effect"]), interval(row["low"], row["high"], signed),
-                 number(row["t"]), probability(row["p"]), tight_percent(row["share"]),
+                 number(row["t"]), probability(row["p"]), column_percent(row["share"]),
                  number(findings.detectable[str(name)], 2)]
         if a.transform != "none":
             cells.append(_ratio(row))
@@ -263,8 +263,8 @@ def effect_table(findings: Findings) -> PageTable:
     note = (
         "Effect of a factor: change of the mean from its low to its high level. Effect of an "
         "interaction A × B: half the difference between the effect of A at the high level of B and "
-        "that at the low level of B. Share: of the total "
-        f"sum of squares. Detectable: true effect that is found with a probability of {POWER:.0%}."
+        "that at the low level of B. Share: of the total sum of squares. Detectable: true effect "
+        f"that is found with a probability of {percent(POWER, '.0f')}."
         + (f" {rest} smaller effects are not shown." if rest else "")
     )
     return PageTable(f"Effects on the {a.quantity}", head, rows,
@@ -339,9 +339,10 @@ def model_table(findings: Findings) -> PageTable:
         ("Reference line t", f"{number(a.reference, 4)} ({number(a.df, 5)} degrees of freedom)"),
     ]
     if np.isfinite(a.r2_adjusted):
-        predicted = unbroken(f"{a.r2_predicted:.2%}") if np.isfinite(a.r2_predicted) else "–"
+        known = np.isfinite(a.r2_predicted)
+        predicted = unbroken(percent(a.r2_predicted, ".2f")) if known else "–"
         rows += [
-            ("R²", f"{a.r2:.2%}"), ("R² adjusted", f"{a.r2_adjusted:.2%}"),
+            ("R²", percent(a.r2, ".2f")), ("R² adjusted", percent(a.r2_adjusted, ".2f")),
             ("R² predicted", predicted),
             ("Root of the residual mean square", f"{number(a.rmse, 4)}{unit(a)}"),
         ]

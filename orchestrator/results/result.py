@@ -384,12 +384,13 @@ class Result(Answer):
         return result
 
     def text(self, *, verbose: bool = False, width: int | None = None) -> str:
-        """The run in words: a verdict for each receiver, then the tables of errors.
+        """The run in words: a verdict for each receiver, then a small table of the errors.
 
         Parameters
         ----------
         verbose
-            With availability, NEES and NIS of each receiver, and what all these numbers mean.
+            With the errors by axis and all percentages, availability, NEES and NIS of each
+            receiver, and what all these numbers mean.
         width
             Columns to fit into; None: sentences are not wrapped.
         """

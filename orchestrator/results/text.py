@@ -1,8 +1,9 @@
-"""A run in words: a verdict for each receiver, the tables of its errors, and what they mean."""
+"""A run in words: a verdict for each receiver, tables of its errors, and what they mean."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from math import nan
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -13,10 +14,10 @@ from ..judge import possible
 from ..judge.columns import CHI_SQUARES, ERRORS, PERCENTILES
 from ..judge.consistency import COVARIANCES, Verdict
 from ..judge.definitions import AXES, FRAMES, Judged
-from ..layout import WIDTH, fitted
+from ..layout import WIDTH, fitted, shorter
 from ..scenario.labels import RAW
 from ..words.lists import plural
-from ..words.numbers import meters
+from ..words.numbers import meters, rounded
 from ..words.shares import percent
 
 if TYPE_CHECKING:
@@ -60,6 +61,13 @@ _HEADS = {
     "own_relative": ("relative to the platform's", "true position, own account"),
 }
 """The frames in two lines; `definitions.FRAME_WORDS` fits into no column."""
+_SHORT = {"absolute": "absolute", "relative": "relative", "own_relative": "own relative"}
+"""Heads of the small table."""
+_MEANS = {"relative": "to the platform as it reports itself",
+          "own_relative": "to its true position, by own account"}
+"""What they mean, in the line below it."""
+DIFFERENT = 0.01
+"""Part by which the horizontal error differs from the total one where both are told."""
 _GAP = "  "
 _LONGEST_LABEL = 16
 """Of a receiver that stands in the line of its first row; a longer one has a line of its own."""
@@ -104,19 +112,21 @@ _CONSISTENCY_NOTES = (
 
 
 def of_run(result: ToldResult, verbose: bool = False, width: int | None = None) -> str:
-    """Verdicts, then the tables of errors.
+    """Verdicts, then a small table of the errors.
 
     Parameters
     ----------
     verbose
-        With availability, NEES and NIS of each receiver, and what all these numbers mean.
+        With the errors by axis and all percentages in place of the small table, availability, NEES
+        and NIS of each receiver, and what all these numbers mean.
     width
         Columns of the terminal; None: sentences are not wrapped.
     """
     size = width or WIDTH
-    lines = [
-        *verdicts(result),
-        "",
+    lines = [*verdicts(result), ""]
+    if not verbose:
+        return fitted("\n".join([*lines, *overview(result, size)]), width)
+    lines += [
         result.title,
         "",
         *errors(result.errors, result.receivers, size),
@@ -125,11 +135,51 @@ def of_run(result: ToldResult, verbose: bool = False, width: int | None = None) 
         "",
         WITHIN,
     ]
-    if verbose:
-        for receiver in result.receivers:
-            lines += ["", *about(result, receiver)]
-        lines += ["", *notes(result)]
+    for receiver in result.receivers:
+        lines += ["", *about(result, receiver)]
+    lines += ["", *notes(result)]
     return fitted("\n".join(lines), width)
+
+
+def overview(result: ToldResult, width: int = WIDTH) -> Iterator[str]:
+    """RMS and 95 % of each receiver's total error [m], in columns for each frame.
+
+    And of the horizontal error, if it is `DIFFERENT` in any frame.
+    """
+    frames = frames_in(result.errors)
+    rows: list[tuple[str, list[float]]] = []
+    for receiver in result.receivers:
+        total, flat = (
+            [value for frame in frames for value in _reached(result, receiver, frame, length)]
+            for length in ("total", "horizontal")
+        )
+        rows.append((receiver, total))
+        if any(abs(a - b) > DIFFERENT * a for a, b in zip(total, flat, strict=True)):
+            rows.append(("  horizontal", flat))
+    cells = [(name, [*map(rounded, values)]) for name, values in rows]
+    size = max(5, *(len(text) for _, texts in cells for text in texts))
+    room = width - 2 * len(frames) * (size + len(_GAP))
+    label = min(max(len(name) for name, _ in rows), max(room, _LONGEST_LABEL))
+    yield f"{result.title}: error [m]"
+    pair = 2 * size + len(_GAP)
+    for head in ([f"{_SHORT[frame]:>{pair}}" for frame in frames],
+                 [f"{'RMS':>{size}}", f"{'95 %':>{size}}"] * len(frames)):  # fmt: skip
+        yield _GAP.join([" " * label, *head])
+    for name, texts in cells:
+        yield _GAP.join([f"{shorter(name, label):<{label}}", *(f"{t:>{size}}" for t in texts)])
+    notes = [f"{_SHORT[frame]}: {_MEANS[frame]}" for frame in frames[1:]]
+    if notes:
+        yield "; ".join(notes)
+
+
+def _reached(result: ToldResult, receiver: str, frame: str, length: str) -> tuple[float, float]:
+    """RMS and 95 % of a length of the error [m]; NaN without errors in this frame."""
+    if (receiver, frame, "total") not in result.errors.index:
+        return nan, nan
+    axes = ("x", "y") if length == "horizontal" else ("total",)
+    found: Any = [result.errors.loc[(receiver, frame, axis), "rms_m"] for axis in axes]
+    most: Any = result.percentiles.loc[(receiver, frame, length), "p95_m"]
+    return float(np.linalg.norm(found)), float(most)
 
 
 def verdicts(result: ToldResult) -> Iterator[str]:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from math import ceil, floor, isnan
 
 
-def percent(share: float, form: str = "g", gap: str = " ") -> str:
-    """``95 %``: a share in one of Python's formats; without the gap ``95%``."""
-    return f"{100 * share:{form}}{gap}%"
+def percent(share: float, form: str = "g") -> str:
+    """``95 %``: a share in one of Python's formats."""
+    return f"{100 * share:{form}} %"
 
 
 def rough_percent(share: float) -> str:
@@ -22,9 +22,9 @@ def whole_percent(share: float) -> str:
     return f"{round(100 * share) + 0:.0f} %".replace("-", "−")
 
 
-def tight_percent(share: float) -> str:
-    """``12.3%``: narrow, for a column of shares."""
-    return "< 0.1%" if 0 < share < 5e-4 else f"{share:.1%}"
+def column_percent(share: float) -> str:
+    """``12.3 %``, ``< 0.1 %``: for a column of shares."""
+    return "< 0.1 %" if 0 < share < 5e-4 else percent(share, ".1f")
 
 
 def percent_at_least(share: float) -> str:

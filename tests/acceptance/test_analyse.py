@@ -189,7 +189,7 @@ def test_figures_come_before_tables_and_each_point_says_what_went_wrong(tmp_path
     runs = store.table(tmp_path / "own").groupby("point")
     for row, (point, mine) in zip(rows, runs, strict=True):
         levels = [f"{mine[name].iloc[0]:g} m" for name in ("gps", "depth")]
-        shares = [f"{mine[f'ekf.{name}'].astype(float).mean():.1%}"
+        shares = [f"{100 * mine[f'ekf.{name}'].astype(float).mean():.1f} %"
                   for name in ("inconsistent", "lost")]
         assert row[:4] == [str(point), *levels, "3"]
         assert float(row[4]) == pytest.approx(mine["ekf.absolute_total_rms_m"].mean(), rel=0.01)

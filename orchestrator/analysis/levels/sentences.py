@@ -13,7 +13,7 @@ from ...results.responses import defined
 from ...study.design import Level
 from ...words.lists import first_of, listed
 from ...words.numbers import interval, measured, minus, p_value, quantity, rounded
-from ...words.shares import percent, tight_percent
+from ...words.shares import column_percent, percent
 from ..common.bounds import runs_for_t
 from ..common.model import MAX_LISTED
 from ..common.sentences import left_out
@@ -145,7 +145,7 @@ def _by_means(analysis: GeneralFactorial) -> str:
     for name, row in list(largest.items())[:MOST_NAMED]:
         size, within = _size(a, row)
         first = not parts
-        level = percent(a.confidence, ".4g", "")
+        level = percent(a.confidence, ".4g")
         how = f" ({level} simultaneous interval {within})" if first else f" ({within})"
         parts.append(f"{name} from {_ends(a, name, row)}, by {size}{how}{_as_good(a, name, row)}")
     sentences = []
@@ -165,7 +165,7 @@ def _by_means(analysis: GeneralFactorial) -> str:
     sure = several[several["p"] < 1 - a.confidence].sort_values("sum_sq", ascending=False)
     if len(sure):
         share = sure["sum_sq"].iloc[0] / a.anova.loc["total", "sum_sq"]
-        sentences.append(f"The largest interaction is {sure.index[0]} ({tight_percent(share)} of "
+        sentences.append(f"The largest interaction is {sure.index[0]} ({column_percent(share)} of "
                          "the sum of squares).")
     if a.left_out:
         sentences.append("Main effects only: the combinations of levels that have runs cannot "
@@ -192,11 +192,12 @@ def warnings(analysis: GeneralFactorial) -> list[str]:
         lines.append("Where a mean has no interval (–), it is not known: its interval would reach "
                      "below zero, and no run does. The medians have theirs.")
     if a.heavy:
-        text = (f"Heavy tails: {tight_percent(a.far)} of the runs lie more than 5 robust standard "
+        text = (f"Heavy tails: {column_percent(a.far)} of the runs lie more than 5 robust standard "
                 "deviations from the median of their combination of levels, so that means rest on "
                 "few runs and their intervals may be too short.")
         if a.far_log < a.far / 2:
-            text += (f" Of the logarithms it is {tight_percent(a.far_log)}: transform log compares "
+            far = column_percent(a.far_log)
+            text += (f" Of the logarithms it is {far}: transform log compares "
                      "typical runs.")
         if a.worst_run and not a.ran_away:
             text += f" The largest is of run {a.worst_run}: sblcosim replay RESULTS {a.worst_run}."
@@ -216,8 +217,8 @@ def notes(analysis: GeneralFactorial) -> list[str]:
     """Method and quality of the model, in sentences."""
     a = analysis
     several = [len(levels) * (len(levels) - 1) // 2 for levels in a.levels.values()]
-    lines = [f"{a.runs} runs of {a.combinations} combinations of levels; R² {a.r2:.2%}; root of "
-             f"the residual mean square {a.rmse:.4g}."]
+    lines = [f"{a.runs} runs of {a.combinations} combinations of levels; "
+             f"R² {percent(a.r2, '.2f')}; root of the residual mean square {a.rmse:.4g}."]
     lines += left_out(a.dropped, a.seeding == "common")
     if a.empty:
         lines.append(f"Levels without a run that counts: {first_of(list(a.empty), MOST_NAMED)}.")
@@ -315,7 +316,7 @@ def _mean_rows(analysis: GeneralFactorial) -> list[tuple[str, ...]]:
         unit = analysis.units.get(name, "")
         rows.append((name if name != before else "", level_text(row.level, unit),
                      *map(_shown, (row.mean, row.low, row.high)),
-                     f"{row.runs}", tight_percent(float(row.lost))))
+                     f"{row.runs}", column_percent(float(row.lost))))
         before = name
     return rows
 

@@ -270,7 +270,7 @@ def plot_box_cox(
         best = float(power.to_numpy()[height.argmax()])
         inside = power[profile["inside"]]
         ax.axvspan(inside.min(), inside.max(), color=look.receivers[1], alpha=0.25, lw=0,
-                   label=f"{percent(analysis.confidence, '.4g', '')} interval")
+                   label=f"{percent(analysis.confidence, '.4g')} interval")
         ax.plot(power, height - height.max(), color=look.receivers[1])
         ax.axvline(best, color=look.receivers[0], ls=LINES[1],
                    label=f"best λ = {minus(f'{best:.2g}')}")

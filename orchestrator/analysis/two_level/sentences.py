@@ -10,7 +10,7 @@ from ...layout import fitted, table
 from ...results.responses import defined
 from ...words.lists import first_of
 from ...words.numbers import interval, measured, p_value, quantity, rounded, signed
-from ...words.shares import percent, tight_percent
+from ...words.shares import column_percent, percent
 from ..common.model import MAX_LISTED
 from ..common.sentences import left_out
 from .analysis import Factorial
@@ -37,7 +37,7 @@ def summary(
     columns = ["effect", "low", "high", *(["std_error", "t", "p"] if verbose else []), "share"]
     columns += [c for c in ("ratio", "verdict") if c in shown]
     formats: dict[str, Any] = {
-        "share": tight_percent, "p": p_value, "t": "{:.2f}".format, "verdict": str,
+        "share": column_percent, "p": p_value, "t": "{:.2f}".format, "verdict": str,
     }  # fmt: skip
     rows = [
         (str(term), *(formats.get(str(c), "{:.4g}".format)(value) for c, value in row.items()))
@@ -80,7 +80,7 @@ def answer(analysis: Factorial, most: int = 3) -> str:
                     f"noise are smaller than {limit_of(a)}.")
     single, several = ranked[worth & (ranked["order"] == 1)], ranked[worth & (ranked["order"] > 1)]
     method = " by Lenth's method" if a.lenth else ""
-    level = f"{percent(a.confidence, '.4g', '')} interval{method}"
+    level = f"{percent(a.confidence, '.4g')} interval{method}"
     parts: list[str] = []
     named: list[str] = []
     for same in tied_groups(a, [str(name) for name in single.index]):
@@ -172,9 +172,10 @@ def notes(analysis: Factorial) -> list[str]:
     ]
     lines += left_out(a.dropped, a.seeding == "common")
     if np.isfinite(a.r2_adjusted):
-        predicted = f", predicted {a.r2_predicted:.2%}" if np.isfinite(a.r2_predicted) else ""
-        lines.append(f"R² {a.r2:.2%}, adjusted {a.r2_adjusted:.2%}{predicted}; "
-                     f"root of the residual mean square {a.rmse:.4g}"
+        known = np.isfinite(a.r2_predicted)
+        predicted = f", predicted {percent(a.r2_predicted, '.2f')}" if known else ""
+        lines.append(f"R² {percent(a.r2, '.2f')}, adjusted {percent(a.r2_adjusted, '.2f')}"
+                     f"{predicted}; root of the residual mean square {a.rmse:.4g}"
                      + (", of the jackknife's values." if a.transform == "spread"
                         and a.seeding == "common" else "."))
     if a.lenth is not None:

@@ -151,14 +151,15 @@ def study_lines(study: study_documents.Study, verbose: bool) -> Iterator[str]:
         With what is said of each covariance, and the share of inconsistent runs.
     """
     from ...words.numbers import meters
+    from ...words.shares import percent
 
     for name, receiver in study.receivers.items():
-        lost = f", {receiver.lost:.0%} lost" if receiver.lost else ""
+        lost = f", {percent(receiver.lost, '.0f')} lost" if receiver.lost else ""
         rms = "–" if receiver.rms_m is None else meters(receiver.rms_m)
         yield f"{name}: {rms} RMS over all runs{lost}; {_trust(receiver)}"
         if verbose:
             if receiver.inconsistent is not None:
-                yield f"  {receiver.inconsistent:.0%} of its runs inconsistent"
+                yield f"  {percent(receiver.inconsistent, '.0f')} of its runs inconsistent"
             for covariance in receiver.covariances.values():
                 yield f"  {covariance.words}"
     if verbose or any(receiver.lost for receiver in study.receivers.values()):

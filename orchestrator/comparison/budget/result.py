@@ -261,7 +261,8 @@ class Budget(Answer):
         if self.unchanged:
             yield f"nothing better is known for: {', '.join(self.unchanged)}"
         if self.lost > 0:
-            yield f"lost in {self.lost:.1%} of the runs, which may make most of a mean square"
+            lost = percent(self.lost, ".1f")
+            yield f"lost in {lost} of the runs, which may make most of a mean square"
             yield LOST
         if self.dropped:
             which = "1 seed is left out: one of its runs" if self.dropped == 1 else (

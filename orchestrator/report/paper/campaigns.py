@@ -24,6 +24,7 @@ from ...scenario.scenario import load as load_scenario
 from ...study import parts, runner, store
 from ...study import study as studies
 from ...study.study import Study
+from ...words.shares import percent
 from .ranges import spaces
 
 Progress = Callable[[float, str], None]
@@ -104,8 +105,8 @@ def _sensors(scenario: Any) -> str:
     return (
         f"white GPS error {platform.gps_horizontal_std_m:g} m, baseline "
         f"{platform.arm_length_m:g} m, sampling time {scenario.time.sampling_time_s:g} s, range "
-        f"{acoustics.range_std_m:g} m, packet loss {acoustics.loss_probability:.0%}, IMU "
-        f"{platform.imu_tilt_std_deg:g}°, depth {scenario.target.depth_std_m:g} m"
+        f"{acoustics.range_std_m:g} m, packet loss {percent(acoustics.loss_probability, '.0f')}, "
+        f"IMU {platform.imu_tilt_std_deg:g}°, depth {scenario.target.depth_std_m:g} m"
     )
 
 

@@ -35,6 +35,7 @@ from ...study.design import INTERACTION_SIGN
 from ...study.executors import deferring_signals, processes
 from ...style import ThemeName, new_figure, use
 from ...words.numbers import interval, number, signed, unbroken
+from ...words.shares import percent
 from .. import two_level as factorial
 from ..page import Block, PageTable, Text
 from ..two_level import Findings
@@ -256,7 +257,7 @@ def _ranking(n: int, findings: Findings) -> Block:
                      interval(effect["low"], effect["high"], signed), number(abs(effect["t"]))))
     return PageTable(
         "Main effects: which the paper names as the most influential, and the size of ours",
-        ("Factor", "Paper", "Our place", "Effect [m]", "95% interval [m]", "|t|"), rows, (1,),
+        ("Factor", "Paper", "Our place", "Effect [m]", "95 % interval [m]", "|t|"), rows, (1,),
         f"Verdict: {order_row(n, findings)[3]}. Where several factors share places, the sizes of "
         "their effects cannot be told apart. The paper prints no sizes.")
 
@@ -289,7 +290,10 @@ def _residuals(n: int, findings: Findings) -> Block:
     a = findings.shown
     residuals = a.residuals
     skewness, kurtosis = (float(f(residuals["residual"])) for f in (stats.skew, stats.kurtosis))
-    text = (f"Ours: R² {a.r2:.1%}, adjusted {a.r2_adjusted:.1%}, predicted {a.r2_predicted:.1%}; "
+    r2, adjusted, predicted = (
+        percent(r2, ".1f") for r2 in (a.r2, a.r2_adjusted, a.r2_predicted)
+    )
+    text = (f"Ours: R² {r2}, adjusted {adjusted}, predicted {predicted}; "
             f"skewness of the residuals {skewness:.2g}, excess kurtosis "
             f"{kurtosis:.2g} (normal: 0).")
     if residuals["fit"].corr(residuals["residual"].abs(), method="spearman") > UNEVEN:

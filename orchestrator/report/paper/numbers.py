@@ -18,6 +18,7 @@ from ...analysis.two_level.ranking import ranking
 from ...judge.definitions import AXES
 from ...study.study import Study
 from ...words.numbers import interval, number
+from ...words.shares import percent
 from .. import two_level as factorial
 from ..page import PageTable
 from ..two_level import Findings
@@ -29,7 +30,7 @@ PRACTICAL = 0.5
 NEAR = 0.10
 """Relative difference up to which numbers agree."""
 TOTAL, MEAN = "absolute_total_rms_m", "absolute_total_mean_m"
-HEAD = ("Quantity", "Paper", "Ours", "95% interval", "Ratio", "Ours is")
+HEAD = ("Quantity", "Paper", "Ours", "95 % interval", "Ratio", "Ours is")
 
 
 @cache
@@ -96,7 +97,7 @@ def pooled(table: pd.DataFrame, receiver: str) -> tuple[float, float]:
 def pooled_intervals(
     table: pd.DataFrame, receiver: str
 ) -> tuple[tuple[float, float], tuple[float, float]]:
-    """95% intervals of what `pooled` gives, from the scatter between runs (the jackknife)."""
+    """95 % intervals of what `pooled` gives, from the scatter between runs (the jackknife)."""
     weight = table[f"{receiver}.estimates"].to_numpy(np.float64)
     sums = np.stack([
         weight,
@@ -117,7 +118,7 @@ def pooled_intervals(
 
 
 def average(table: pd.DataFrame, column: str) -> tuple[float, float, float]:
-    """Mean over the runs, and its 95% interval."""
+    """Mean over the runs, and its 95 % interval."""
     values = table[column].dropna()
     reach = float(stats.t.ppf(0.975, len(values) - 1)) * float(values.std()) / len(values) ** 0.5
     mean = float(values.mean())
@@ -125,7 +126,7 @@ def average(table: pd.DataFrame, column: str) -> tuple[float, float, float]:
 
 
 def overall(table: pd.DataFrame, column: str) -> tuple[float, float, float]:
-    """Mean over all points of a balanced study, and its 95% interval from the points' scatter."""
+    """Mean over all points of a balanced study, and its 95 % interval from the points' scatter."""
     groups = table.groupby("point")[column]
     mean = float(groups.mean().mean())
     error = float(np.sqrt((groups.var() / groups.size()).sum())) / groups.ngroups
@@ -141,11 +142,10 @@ def verdict(ratio: float) -> str:
     if abs(ratio - 1) < 1e-9:
         return "equal"
     if abs(ratio - 1) <= NEAR:
-        return f"within {NEAR:.0%}"
-    percent = abs(ratio - 1)
+        return f"within {percent(NEAR, '.0f')}"
     if ratio > 2:
         return f"{ratio:.2g} times the paper's"
-    return f"{percent:.0%} {'above' if ratio > 1 else 'below'}"
+    return f"{percent(abs(ratio - 1), '.0f')} {'above' if ratio > 1 else 'below'}"
 
 
 def row(what: str, theirs: float, ours: float, interval: str = "–") -> tuple[str, ...]:

@@ -23,6 +23,7 @@ from ...errors import ConfigurationError, resolved
 from ...scenario.scenario import load as load_scenario
 from ...study import store
 from ...words.numbers import unbroken
+from ...words.shares import percent
 from .. import possible
 from .. import two_level as factorial
 from ..common import DEFINITIONS, method, reproduce, seeding
@@ -367,7 +368,8 @@ def _method(numbers: PaperNumbers) -> list[Block]:
         Text("The model has all main effects and interactions of two factors. What matters in "
              "practice is decided by whole intervals: an effect matters if its interval lies "
              "beyond the smallest effect that matters, and is too small if it lies within."),
-        Text(f"Ratio: ours over the paper's. Numbers agree if they are within {NEAR:.0%}."),
+        Text("Ratio: ours over the paper's. Numbers agree if they are within "
+             f"{percent(NEAR, '.0f')}."),
         factorial.factor_table(numbers.studies[1]),
     ]
 

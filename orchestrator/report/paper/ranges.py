@@ -62,8 +62,8 @@ def blocks(analyses: Sequence[Sensitivity], findings: Findings) -> list[Block]:
             number(row["first"], 2), interval(row["first_low"], row["first_high"], _two),
             number(row["total"], 2), interval(row["total_low"], row["total_high"], _two),
         ))  # fmt: skip
-    head = ("Factor", f"Effect, low to high{own}", "First-order index", "95% interval",
-            "Total index", "95% interval")
+    head = ("Factor", f"Effect, low to high{own}", "First-order index", "95 % interval",
+            "Total index", "95 % interval")
     return [
         Text(sentences.answer(main), "answer"),
         PageTable("What explains the variance of the logarithm of the error over the whole ranges",

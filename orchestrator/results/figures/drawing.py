@@ -163,7 +163,7 @@ def short(name: str, longest: int = LONGEST_NAME) -> str:
 
 def inches(words: str, size: float = SIZE) -> float:
     """How wide a line of text is [inch]."""
-    width: float = text_to_path.get_text_width_height_descent(  # type: ignore[no-untyped-call]
+    width: float = text_to_path.get_text_width_height_descent(
         words, FontProperties(size=size), ismath=False
     )[0]
     return width / 72
@@ -260,7 +260,7 @@ def _longer_numbers(axes: Sequence[Axes]) -> float:
     """How much wider than usual the numbers of the vertical axes are [inch]."""
     numbers = [
         word for ax in axes
-        for word in ax.yaxis.get_major_formatter().format_ticks(ax.get_yticks())
+        for word in ax.yaxis.get_major_formatter().format_ticks(ax.get_yticks().tolist())
     ]  # fmt: skip
     return 0.0 if _is_in_space(axes) else max(0.0, *(inches(word) - NUMBERS for word in numbers))
 

@@ -10,6 +10,7 @@ from sblcosim.fmus.read.ports import Fmu, Port
 from sblcosim.models.ports import PING_POSE, RECEPTION
 
 from ...errors import ConfigurationError
+from ...words.shares import percent
 from .plan import Plan, PlannedComponent
 
 MEMORY_SHARE = 0.25
@@ -37,9 +38,9 @@ def check_size(plan: Plan, memory: int | None = None) -> None:
     if size > most:
         most_text, got = (f"{float(f'{n / 1e9:.3g}'):g} GB" for n in (most, size))
         raise ConfigurationError(
-            f"record: must take at most {most_text} ({MEMORY_SHARE:.0%} of the memory), got {got} "
-            f"for {plan.count} communication instants; make the run shorter or the sampling time "
-            "longer"
+            f"record: must take at most {most_text} ({percent(MEMORY_SHARE, '.0f')} of the "
+            f"memory), got {got} for {plan.count} communication instants; make the run shorter or "
+            "the sampling time longer"
         )
 
 

@@ -292,7 +292,8 @@ def test_percentiles_are_said_to_be_order_statistics(
 ) -> None:
     monkeypatch.chdir(lossy)
     words = re.sub(r"\s+", " ", CliRunner().invoke(app, command.split()).stdout)
-    assert words.count(ORDERED[kind]) == 1, words
+    short = kind == "run" and "--verbose" not in command
+    assert words.count(ORDERED[kind]) == (not short), words
 
 
 @pytest.mark.parametrize("kind", ["full", "grid", "sweep", "single", "space"])

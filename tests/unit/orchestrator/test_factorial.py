@@ -428,7 +428,7 @@ def test_the_answer_names_the_largest_and_those_it_cannot_tell_from_the_last():
     text = answer(analyse(table, "abcd", "y", unit="m"))
     number = r"\d+\.\d+"
     shown = re.fullmatch(
-        rf"The y falls most with d from 1 to −1, by {number} m on average \(95% interval {number} "
+        rf"The y falls most with d from 1 to −1, by {number} m on average \(95 % interval {number} "
         rf"to {number}\); then with b from 1 to −1, by {number} m \({number} to {number}\); then "
         rf"with a from 1 to −1, by {number} m \(.*\), tied with c from 1 to −1, by {number} m "
         rf"\(.*\)\. The largest interaction is a × d \(\+{number} m, {number} to {number}\)\.",
@@ -475,7 +475,7 @@ def test_an_unreplicated_answer_says_where_its_interval_comes_from():
     table = design("abcd")
     table["y"] = 5 * table["a"] + np.random.default_rng(1).normal(0, 0.1, 16)
     text = answer(analyse(table, "abcd", "y", order=4))
-    assert "(95% interval by Lenth's method " in text
+    assert "(95 % interval by Lenth's method " in text
 
 
 def half_fraction():

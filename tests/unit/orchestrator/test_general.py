@@ -281,7 +281,7 @@ def test_the_answer_names_the_factor_and_the_levels(analysis: GeneralFactorial) 
                 | (pairs["one"] == 5.0) & (pairs["other"] == 0.1)].iloc[0]
     low, size, high = sorted(abs(row[["low", "difference", "high"]]))
     text = analysis.text()
-    assert text.startswith(f"The y falls most with gps from 5 m to 0.1 m, by {size:.2f} m (95% "
+    assert text.startswith(f"The y falls most with gps from 5 m to 0.1 m, by {size:.2f} m (95 % "
                            f"simultaneous interval {low:.2f} to {high:.2f})")
     assert "No two levels of gated can be told apart." in text
     assert f"The largest interaction is gps × {AWKWARD} (" in text
@@ -330,8 +330,8 @@ def test_heavy_tails_are_recognised_and_said() -> None:
     assert (found["clean"].heavy, found["bad"].heavy, found["skewed"].heavy) == (False, True, True)
     assert found["bad"].far == pytest.approx((bad > 0).mean())
     assert "Heavy tails" not in found["clean"].text()
-    assert "Heavy tails: 5.6% of the runs lie more than 5 robust standard deviations" in \
-        found["bad"].text().replace(f"{(bad > 0).mean():.1%}", "5.6%")
+    assert "Heavy tails: 5.6 % of the runs lie more than 5 robust standard deviations" in \
+        found["bad"].text().replace(f"{100 * (bad > 0).mean():.1f} %", "5.6 %")
     assert "transform log compares typical runs" in found["skewed"].text()
     assert "replay" not in found["bad"].text()
     named = dataclasses.replace(found["bad"], worst_run="0123456789abcdef").text()

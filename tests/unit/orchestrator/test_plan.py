@@ -238,7 +238,7 @@ def test_a_record_that_the_memory_cannot_hold_is_refused():
     with pytest.raises(ConfigurationError) as caught:
         check_size(plan, memory=8_000_000_000)
     assert str(caught.value).startswith(
-        "record: must take at most 2 GB (25% of the memory), got 84000 GB for "
+        "record: must take at most 2 GB (25 % of the memory), got 84000 GB for "
         "4000000000001 communication instants"
     )
     small = resolve(system({"clock": Clock}))

@@ -135,8 +135,8 @@ def test_the_better_level_is_the_one_with_the_smaller_response() -> None:
 
 @pytest.mark.parametrize(
     ("ratio", "word"),
-    [(1.0, "equal"), (0.91, "within 10%"), (1.09, "within 10%"), (1.26, "26% above"),
-     (0.74, "26% below"), (10.6, "11 times the paper's")],
+    [(1.0, "equal"), (0.91, "within 10 %"), (1.09, "within 10 %"), (1.26, "26 % above"),
+     (0.74, "26 % below"), (10.6, "11 times the paper's")],
 )
 def test_a_ratio_is_judged_in_words(ratio: float, word: str) -> None:
     assert paper.verdict(ratio) == word

@@ -180,7 +180,7 @@ def test_both_relative_errors_are_named_apart_wherever_they_stand(with_own, resu
     own = text.partition("relative to the platform's\n")[2].partition("\n\n")[0]
     totals = [line.split() for line in own.splitlines() if line.split()[:1] == ["total"]]
     assert totals == [["total", "3.000", "3.000", "0.000"]]  # and no rows for who has none
-    wide = with_own.text(width=120)
+    wide = with_own.text(verbose=True, width=120)
     assert len(re.findall(r"relative to the platform +relative to the platform's\n", wide)) == 2
     totals = [line.split() for line in wide.splitlines() if line.split()[:1] == ["total"]]
     assert totals[1][-3:] == ["–", "–", "–"]
@@ -193,6 +193,12 @@ def test_both_relative_errors_are_named_apart_wherever_they_stand(with_own, resu
     assert "own account" not in told(result)
     assert "own account" not in result._repr_html_()
     assert told(result).count("as it reports itself") == 3
+    few = str(with_own).splitlines()[-1]
+    assert few == (
+        "relative: to the platform as it reports itself; own relative: to its true position, by "
+        "own account"
+    )
+    assert "own" not in str(result)
 
 
 def test_text_says_what_its_numbers_mean(result):
@@ -231,7 +237,7 @@ def test_nis_of_unknown_degrees_is_not_compared():
 def test_long_labels_keep_the_table_s_columns_in_line():
     labels = ("a_receiver_with_a_rather_long_name", "ekf")
     record = make_record(dict.fromkeys(labels, np.ones((1, 3))))
-    lines = str(run_of(labels, record)).splitlines()
+    lines = told(run_of(labels, record)).splitlines()
     start = next(i for i, line in enumerate(lines) if line.startswith("receiver"))
     head, name, *table = lines[start : start + 10]
     assert name == labels[0]
@@ -289,7 +295,39 @@ def test_explanations_and_consistency_are_told_on_request(with_own):
     for words in ("NEES", "north, east, down", "available", "Reference", "by the receiver's own"):
         assert words not in short
         assert (words in told(with_own)) == (words != "Reference")  # nothing is possible here
-    assert told(with_own).startswith(short)
+    assert told(with_own).startswith(short.partition("\n\n")[0])
+
+
+def test_the_first_screen_is_the_verdicts_and_one_small_table(with_own):
+    """At most 24 lines of 60 columns, with the one that says where it is written."""
+    lines = with_own.text(width=60).splitlines()
+    assert len(lines) < 24
+    assert max(map(len, lines)) <= 60
+    assert not any(word in with_own.text() for word in ("axis", "67 %", "Within"))
+    start = next(i for i, line in enumerate(lines) if line.endswith("error [m]"))
+    heads, columns, *rows = (
+        line for line in lines[start + 1 : -2] if not line.startswith("  horizontal")
+    )
+    assert heads.split() == ["absolute", "relative", "own", "relative"]
+    assert columns.split() == ["RMS", "95", "%"] * 3
+    assert len({len(line) for line in (heads, columns, *rows)}) == 1
+    for receiver, row in zip(with_own.receivers, rows, strict=True):
+        name, rms, within, *_ = row.split()
+        assert name == receiver
+        error = with_own.errors.loc[(receiver, "absolute", "total"), "rms_m"]
+        assert float(rms) == pytest.approx(error, rel=5e-3)
+        most = with_own.percentiles.loc[(receiver, "absolute", "total"), "p95_m"]
+        assert float(within) == pytest.approx(most, rel=5e-3)
+
+
+def test_the_horizontal_error_is_told_first_only_where_it_differs():
+    flat, deep = (
+        str(run_of(("ekf",), make_record({"ekf": np.array([[3.0, 4.0, down]])})))
+        for down in (0.1, 3.0)
+    )
+    assert "horizontal" not in flat
+    (row,) = [line.split() for line in deep.splitlines() if "horizontal" in line]
+    assert row == ["horizontal", "5.00", "5.00", "5.00", "5.00"]
 
 
 @pytest.mark.parametrize("width", [60, 72, 80, 100, 120, 200])
@@ -416,7 +454,8 @@ def test_plots_are_those_of_the_run(result):
 
 def test_plain_scenario_without_a_title_goes_by_its_name():
     result = Result(RunDescription("dive", {"speed_m_s": 0.5}, ("ekf",)), make_record())
-    assert "\n\ndive\n\n" in str(result)
+    assert "\n\ndive: error [m]\n" in str(result)
+    assert "\n\ndive\n\n" in told(result)
     assert np.isnan(result.summary.loc["ekf", "update_share"])
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ast
 import re
+from itertools import pairwise
 from math import inf, nan
 from pathlib import Path
 
@@ -24,11 +26,11 @@ from sblcosim.words.numbers import (
     unbroken,
 )
 from sblcosim.words.shares import (
+    column_percent,
     percent,
     percent_at_least,
     percent_at_most,
     rough_percent,
-    tight_percent,
     whole_percent,
 )
 
@@ -42,6 +44,9 @@ ORCHESTRATOR = Path(__file__).parents[3] / "orchestrator"
 )  # fmt: skip
 def test_lengths_have_two_digits_that_mean_something(length: float, text: str) -> None:
     assert meters(length) == text
+
+
+ROOT = Path(__file__).parents[3]
 
 
 def test_percentiles_are_spoken_as_people_do():
@@ -59,10 +64,10 @@ def test_numbers_are_for_people(value: float, text: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("share", "text"), [(0.0, "0.0%"), (1e-5, "< 0.1%"), (0.0123, "1.2%"), (1.0, "100.0%")]
+    ("share", "text"), [(0.0, "0.0 %"), (1e-5, "< 0.1 %"), (0.0123, "1.2 %"), (1.0, "100.0 %")]
 )
 def test_a_small_share_is_not_none(share: float, text: str) -> None:
-    assert tight_percent(share) == text
+    assert column_percent(share) == text
 
 
 @pytest.mark.parametrize(
@@ -94,8 +99,8 @@ def test_units_and_signs_of_given_numbers() -> None:
 
 
 def test_shares_in_per_cent() -> None:
-    assert [percent(0.95), percent(0.95, ".1f"), percent(0.995, ".4g", "")] == [
-        "95 %", "95.0 %", "99.5%"]  # fmt: skip
+    assert [percent(0.95), percent(0.95, ".1f"), percent(0.995, ".4g")] == [
+        "95 %", "95.0 %", "99.5 %"]  # fmt: skip
     assert [*map(rough_percent, (0.0, 0.0123, 0.0995, 0.5))] == ["0 %", "1.2 %", "10 %", "50 %"]
     assert [whole_percent(x) for x in (-0.001, -0.03, 0.126, nan)] == ["0 %", "−3 %", "13 %", ""]
     assert [percent_at_least(0.9899), percent_at_least(0.9999), percent_at_most(0.011)] == [
@@ -135,4 +140,47 @@ def test_no_other_module_writes_per_cents_or_plurals_by_hand() -> None:
         for match in by_hand.finditer(path.read_text("utf-8"))
         if path.parent.name != "words"
     ]
+    assert found == []
+
+
+def percentages_without_space(text: str) -> list[str]:
+    """String formats and words of a module in which a per cent sign touches its number."""
+    found: list[str] = []
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.FormattedValue) and node.format_spec is not None:
+            spec = ast.unparse(node.format_spec).strip("f'\"")
+            found += [f"{node.lineno}: {spec}"] if spec in ("%", ",%") else []
+        elif isinstance(node, ast.JoinedStr):
+            found += [
+                f"{one.lineno}: }}%" for one, after in pairwise(node.values)
+                if isinstance(one, ast.FormattedValue) and isinstance(after, ast.Constant)
+                and str(after.value).startswith("%")
+            ]  # fmt: skip
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+            found += [f"{node.lineno}: {some}" for some in re.findall(r"\d%(?!\w)", node.value)]
+            found += [f"{node.lineno}: {some}" for some in re.findall(r"{[^{}]*\D%}", node.value)]
+    return found
+
+
+@pytest.mark.parametrize("words", [
+    "f'{x:.1%}'", "f'{x:g}%'", "'95% of the runs'", "'about 5%.'", "'{:.0%}'.format",
+    "'{x:.2%} of it'",
+])  # fmt: skip
+def test_percentages_that_touch_their_sign_are_found(words):
+    assert len(percentages_without_space(words)) == 1
+    assert not percentages_without_space("f'{x:g} % of {y}, 95 %' % 'width=100%d'")
+
+
+def test_percentages_have_one_style_everywhere():
+    """A number, a space and the sign: see `sblcosim.words.shares`."""
+    found = [
+        f"{path.relative_to(ROOT)}:{some}"
+        for room in ("orchestrator", "models", "fmus", "tools", "docs", "examples")
+        for path in sorted((ROOT / room).rglob("*.py")) if path.name != "log_lines.py"
+        for some in percentages_without_space(path.read_text("utf-8"))
+    ]
+    rooms = ("docs", "orchestrator", "models", "fmus")
+    pages = [*ROOT.glob("*.md"), *(path for room in rooms for path in (ROOT / room).rglob("*.md"))]
+    found += [f"{path.relative_to(ROOT)}: {some}" for path in pages
+              for some in re.findall(r"\d%(?!\w).*", path.read_text("utf-8"))]
     assert found == []
