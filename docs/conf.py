@@ -1,9 +1,14 @@
-"""The documentation site: ``sphinx-build -W --keep-going -n docs site``, without a network."""
+"""The documentation site: ``sphinx-build -W --keep-going -n -c docs . site``, without a network.
+
+Pages are the Markdown files where they are, so links lead to the same texts in the repository and
+on the site. What only the site can show stands in a comment: ``<!-- on the site`` … ``-->``.
+"""
 
 from __future__ import annotations
 
 import atexit
 import os
+import re
 import shutil
 import sys
 import tempfile
@@ -12,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 HERE = Path(__file__).parent
+ROOT = HERE.parent
 sys.path.insert(0, str(HERE / "extensions"))
 os.environ.setdefault("MPLBACKEND", "Agg")
 
@@ -21,10 +27,21 @@ project_copyright = author
 version = release = version_of("sblcosim")
 
 extensions = [
-    "myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_gallery.gen_gallery",
-    "declarations",
+    "myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_gallery.gen_gallery", "keys",
 ]
-exclude_patterns = ["extensions", "gallery", "made/**/*.ipynb", "made/**/*.py", "**/.*"]
+root_doc = "docs/index"
+ROOMS = ("models", "fmus", "orchestrator", "tests", "tools")
+PAGES = {"docs", *ROOMS, "ARCHITECTURE.md", "CONTRIBUTING.md", "CHANGELOG.md"}
+include_patterns = [
+    *(page for page in PAGES if page.endswith(".md")), "docs/**",
+    *(f"{room}/{inner}README.md" for room in ROOMS for inner in ("", "**/")),
+    "fmus/conformance/FOREIGN.md",
+]
+exclude_patterns = [
+    *(path.name for path in ROOT.iterdir() if path.name not in PAGES),
+    "docs/extensions", "docs/gallery", "docs/made/**/*.ipynb", "docs/made/**/*.py", "**/.*",
+    "**/__pycache__",
+]
 default_role = "literal"  # docstrings name much that has no page of its own
 smartquotes_action = "qe"  # no dashes: --json is an option
 nitpick_ignore_regex = [("py:.*", r"(?!sblcosim).*")]  # no network: nobody else's names
@@ -34,6 +51,8 @@ html_title = "sblcosim"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_copy_source = html_show_sourcelink = False
+html_additional_pages = {"index": "to-the-first-page.html"}
+templates_path = ["_templates"]
 
 myst_enable_extensions = ["colon_fence", "deflist", "fieldlist"]
 myst_heading_anchors = 4
@@ -55,7 +74,7 @@ atexit.register(shutil.rmtree, DRAWN, ignore_errors=True)
 shutil.copytree(HERE / "gallery", DRAWN / "gallery")
 sphinx_gallery_conf = {
     "examples_dirs": str(DRAWN / "gallery"),
-    "gallery_dirs": "made/gallery",
+    "gallery_dirs": "docs/made/gallery",
     "filename_pattern": r"\.py$",
     "image_scrapers": ("figures.scraper",),
     "reset_modules": (),
@@ -79,6 +98,12 @@ def attributes_in_one_line(app: Any, what: str, name: str, obj: Any, options: An
             lines[i] = f":ivar {names.replace(', ', ',')}{colon}{text}"
 
 
+def on_the_site(app: Any, page: str, source: list[str]) -> None:
+    """Show what stands in a comment because only the site can show it."""
+    source[0] = re.sub(r"<!-- on the site\n(.*?)-->", r"\1", source[0], flags=re.DOTALL)
+
+
 def setup(app: Any) -> None:
-    """After napoleon has made fields of the docstrings."""
+    """Connect the functions above, the first one after napoleon has made fields of docstrings."""
     app.connect("autodoc-process-docstring", attributes_in_one_line, priority=900)
+    app.connect("source-read", on_the_site)

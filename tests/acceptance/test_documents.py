@@ -219,40 +219,38 @@ def test_files_that_a_document_names_exist(path: Path) -> None:
             assert (path.parent / name).exists() or (ROOT / name).exists(), name
 
 
-def test_the_readme_of_a_room_is_a_page_of_the_site() -> None:
-    included = {
-        (page.parent / name).resolve()
-        for page in DOCUMENTS if DOCS in page.parents
-        for name in re.findall(r"^```\{include\} (\S+)$", page.read_text("utf-8"), re.MULTILINE)
-    }  # fmt: skip
-    readmes = {path for name in ROOMS for path in (ROOT / name).rglob("README.md")}
-    assert len(readmes) > 25
-    assert readmes - included == set()
+ONLY_ON_THE_SITE = re.compile(r"<!-- on the site\n.*?-->", re.DOTALL)
 
 
-WITHOUT_SITE = {
-    "scenario.md": ("scenario-keys", "sblcosim new my.toml"),
-    "commands.md": ("commands", "sblcosim --help"),
-    "json.md": ("json-documents", "sblcosim schema"),
-}
-"""Pages that the site fills, by what, and the command that says it."""
-
-
-def test_a_page_that_the_site_makes_says_where_to_read_on_without_it() -> None:
-    pages = [path for path in DOCUMENTS if DOCS in path.parents and path.name != "index.md"]
-    made = 0
+def test_a_page_has_its_text_in_the_file() -> None:
+    """What a reader of the repository would see of directives and includes is markup."""
+    pages = [path for path in DOCUMENTS if DOCS in path.parents]
+    assert len(pages) > 20
     for path in pages:
-        text = path.read_text("utf-8")
-        for included in re.findall(r"^```\{include\} (\S+)$", text, re.MULTILINE):
-            assert f"]({included})" in text or "](../project/ARCHITECTURE.md)" in text, path
-            made += 1
-        kinds = re.findall(r"^```\{(scenario-keys|commands|json-documents)\}", text, re.MULTILINE)
-        for fence in kinds[:1]:
-            kind, command = WITHOUT_SITE[path.name]
-            assert fence == kind
-            assert re.search(f"^% .*`{command}`", text[: text.index(f"```{{{kind}")], re.MULTILINE)
-            made += 1
-    assert made >= 14
+        seen = ONLY_ON_THE_SITE.sub("", path.read_text("utf-8"))
+        assert not re.search(r"^(```|:::) *\{|^% ", seen, re.MULTILINE), path
+        prose = re.sub(r"^#.*$", "", re.sub(r"<!--.*?-->", "", seen, flags=re.DOTALL), flags=re.M)
+        assert len(prose.split()) > 60, f"{path}: has no text of its own"
+
+
+def test_what_is_made_from_the_sources_is_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(ROOT / "tools"))
+    import reference
+
+    texts = {path: path.read_text("utf-8") for path in reference.PAGES}
+    used = [kind for text in texts.values() for kind in re.findall(r"<!-- made: (\w+)", text)]
+    assert {*used} == {*reference.KINDS}
+    for path, text in texts.items():
+        assert reference.current(text) == text, f"{path}: run python tools/reference.py"
+        assert text.count("<!-- made: ") == text.count("<!-- end -->")
+
+
+def test_a_page_that_is_not_as_the_sources_are_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(ROOT / "tools"))
+    import reference
+
+    text = (DOCS / "reference" / "scenario.md").read_text("utf-8")
+    assert reference.current(text.replace("`fmi`", "`fmu`")) == text
 
 
 def test_what_is_cited_is_what_this_is() -> None:

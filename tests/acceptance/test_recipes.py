@@ -116,9 +116,9 @@ def test_an_extension_is_one_file_and_at_most_one_line_elsewhere(title: str) -> 
 
 
 def with_documents(copy: Copy, text: str, *arguments: str) -> str:
-    """What a program prints that also imports the extensions of the documents."""
+    """What a program prints that also imports what makes the reference."""
     (copy.folder / "asked.py").write_text(text, "utf-8")
-    path = f'PYTHONPATH="$PYTHONPATH{os.pathsep}{ROOT / "docs" / "extensions"}"'
+    path = f'PYTHONPATH="$PYTHONPATH{os.pathsep}{ROOT / "tools"}"'
     given = " ".join(map(shlex.quote, arguments))
     return copy.run(f"{path} '{sys.executable}' asked.py {given}")
 
@@ -164,7 +164,7 @@ def test_a_trajectory(copy: Copy) -> None:
 
 def further(copy: Copy) -> list[str]:
     """The table of responses and figures in the documents."""
-    text = "import declarations, json; print(json.dumps([*declarations.further()]))"
+    text = "import reference, json; print(json.dumps([*reference.further()]))"
     rows: list[str] = json.loads(with_documents(copy, text))
     return rows
 
@@ -172,7 +172,7 @@ def further(copy: Copy) -> list[str]:
 def test_a_response(copy: Copy) -> None:
     done(copy, "Add a response")
     (row,) = [one for one in further(copy) if "settled_s" in one]
-    assert row == "* - `settled_s`\n  - a response\n  - time until the error stays below 1 m"
+    assert row == "| `settled_s` | a response | time until the error stays below 1 m |"
     table = pd.read_parquet(copy.folder / "studies" / "mine" / "runs.parquet")
     (column,) = [c for c in table if c.endswith(".settled_s")]
     assert 0.0 <= table[column][0] <= 20.0
@@ -181,7 +181,7 @@ def test_a_response(copy: Copy) -> None:
 def test_a_figure(copy: Copy) -> None:
     done(copy, "Add a figure")
     (row,) = [one for one in further(copy) if "depth" in one]
-    assert row == "* - `depth`\n  - a figure of a run\n  - True depth of the target"
+    assert row == "| `depth` | a figure of a run | True depth of the target |"
     names = {p.name for p in (copy.folder / "runs" / "figure").iterdir()}
     assert {"depth.svg", "depth.png", "errors.svg"} <= names
 
@@ -189,7 +189,7 @@ def test_a_figure(copy: Copy) -> None:
 SHOW = """
 import json, sys
 import sblcosim
-from declarations import columns
+from reference import columns
 
 run = sblcosim.run("harbour-square", overrides={"time.duration_s": 20.0})
 print(json.dumps({
@@ -224,13 +224,13 @@ def test_a_column_of_the_table_of_errors(copy: Copy) -> None:
     assert "<th>median_m</th>" in shown["html"]
     assert f" {total:.3f}" in shown["text"]
     (row,) = shown["reference"]
-    assert row == "* - `median_m`\n  - m\n  - Median; of the length for the total"
+    assert row == "| `median_m` | m | Median; of the length for the total |"
 
 
 def test_a_command(copy: Copy) -> None:
     assert done(copy, "Add a command") == "4 beacons\n"
     assert "how many beacons" in copy.run("sblcosim --help")
-    pages = with_documents(copy, "import declarations; print(*declarations.command_pages())")
+    pages = with_documents(copy, "import reference; print(*reference.command_pages())")
     assert "## beacons" in pages
 
 

@@ -12,7 +12,7 @@ from .test_recipes import Copy, recipe, with_documents
 
 SAID = """
 import json, sys
-import declarations
+import reference
 from sblcosim.cli.common import completion
 from sblcosim.errors import ConfigurationError
 from sblcosim.scenario.file_schema import scenario_schema
@@ -28,7 +28,7 @@ def said(key, value, near):
         message = str(error)
     return {
         "schema": scenario_schema()["properties"][table]["properties"][name]["enum"],
-        "reference": "\\n".join(declarations.entries(table)),
+        "reference": "\\n".join(reference.entries(table)),
         "starter": starter("mine", None, {key: value}),
         "message": message,
         "completion": [word for word, _ in completion.keys(key + "=")],
@@ -43,7 +43,7 @@ def own(key):
         message = str(error)
     return {
         "schema": name in scenario_schema()["properties"][table]["properties"],
-        "reference": f"{{scenario-key}} {key}\\n" in "\\n".join(declarations.entries(table)),
+        "reference": f"| `{key}` |" in "\\n".join(reference.entries(table)),
         "starter": f"# {name} = " in starter("mine"),
         "message": f"did you mean '{name}'" in message or f"did you mean '{key}'" in message,
         "completion": key + "=" in [word for word, _ in completion.keys(key)],
@@ -81,8 +81,8 @@ def test_a_value_of_a_key_is_known_wherever_keys_are(all_of_them: Copy) -> None:
     for (key, value, _), said in zip(KNOWN.values(), answers, strict=True):
         name = key.partition(".")[2]
         assert value in said["schema"]
-        _, _, entry = said["reference"].partition(f":::{{scenario-key}} {key}\n")
-        assert re.search(rf"\b{value}\b", entry.partition("\n:::\n")[0])
+        _, _, entry = said["reference"].partition(f"| `{key}` |")
+        assert re.search(rf"\b{value}\b", entry.partition("\n")[0])
         assert re.search(rf"^{name} = .{value}.$", said["starter"], re.MULTILINE)
         assert re.search(rf"^#.*\b{value}\b", said["starter"], re.MULTILINE)
         assert f"; did you mean {value!r}?" in said["message"]
@@ -167,8 +167,8 @@ def test_a_system_to_begin_with(all_of_them: Copy) -> None:
     assert (all_of_them.folder / "raft.toml").is_file()
     help_ = "COLUMNS=200 sblcosim new --help"
     assert "raft|water-linked" in all_of_them.run(help_)
-    told = with_documents(all_of_them, "import declarations\n"
+    told = with_documents(all_of_them, "import reference\n"
                           "from sblcosim.cli.common import completion\n"
-                          "print(*declarations.likes(), *completion.likes('ra'))")  # fmt: skip
-    assert "* - `raft`\n  - a raft in a harbour (`harbour-square`)" in told
+                          "print(*reference.likes(), *completion.likes('ra'))")  # fmt: skip
+    assert "| `raft` | a raft in a harbour (`harbour-square`) |" in told
     assert "('raft', 'a raft in a harbour')" in told

@@ -1,20 +1,20 @@
-"""Directives that make the reference from the sources.
+"""Write the parts of the reference that follow from the sources into the pages of ``docs``.
 
-``{scenario-keys} TABLE`` lists the keys of a table of a scenario file, from the declarations of the
-components and the schema; ``{commands}`` all commands of ``sblcosim`` with their options;
-``{json-documents}`` what they print with ``--json``; ``{columns} NAME`` the columns of a
-table, from their declaration, such as `sblcosim.judge.columns.ERRORS`; ``{likes}`` the systems that
-a scenario may begin like; ``{more}`` the responses and the figures of a run that are a file each.
+    python tools/reference.py
+
+A page says where with a pair of comments, which no reader sees: ``<!-- made: KIND ARGUMENT -->``
+and ``<!-- end -->``. Between them stands what a function of `KINDS` makes. A test compares the
+pages with it.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
-from docutils import nodes
 from sblcosim.cli.common.app import app
 from sblcosim.cli.documents.by_command import DOCUMENTS, schema
 from sblcosim.models import COMPONENTS, RECEIVERS
@@ -31,57 +31,7 @@ from sblcosim.scenario.schema import (
     rows,
     toml,
 )
-from sphinx.application import Sphinx
-from sphinx.util.docutils import SphinxDirective
 from typer.main import get_command
-
-
-class ScenarioKeys(SphinxDirective):
-    """All keys of one table; without an argument, those outside any table."""
-
-    optional_arguments = 1
-
-    def run(self) -> list[nodes.Node]:
-        table = self.arguments[0] if self.arguments else ""
-        return self.parse_text_to_nodes("\n".join(entries(table)))
-
-
-class Commands(SphinxDirective):
-    """All commands, in the order of the help, each under a heading."""
-
-    def run(self) -> list[nodes.Node]:
-        return self.parse_text_to_nodes("\n".join(command_pages()), allow_section_headings=True)
-
-
-class JsonDocuments(SphinxDirective):
-    """What commands print as JSON: a document for each, then the parts of which they are made."""
-
-    def run(self) -> list[nodes.Node]:
-        return self.parse_text_to_nodes("\n".join(json_pages()), allow_section_headings=True)
-
-
-class Columns(SphinxDirective):
-    """The columns of a table."""
-
-    required_arguments = 1
-
-    def run(self) -> list[nodes.Node]:
-        return self.parse_text_to_nodes("\n".join(columns(self.arguments[0])))
-
-
-class More(SphinxDirective):
-    """The responses and figures that are a file each."""
-
-    def run(self) -> list[nodes.Node]:
-        return self.parse_text_to_nodes("\n".join(further()))
-
-
-class Likes(SphinxDirective):
-    """The systems that a scenario may begin like."""
-
-    def run(self) -> list[nodes.Node]:
-        return self.parse_text_to_nodes("\n".join(likes()))
-
 
 # --- Keys of scenario files ----------------------------------------------------------------------
 
@@ -120,16 +70,21 @@ def keys(table: str) -> list[str]:
     return sorted(fields.model_fields, key=lambda key: key in COMMON)
 
 
-def entries(table: str) -> Iterator[str]:
-    """Markdown of the keys of a table."""
+def entries(table: str = "") -> Iterator[str]:
+    """The keys of a table of a scenario file, a row each; without a name those in no table."""
+    receiver = table == "receiver"
+    last = ["of"] if receiver else []
+    yield from _head("key", "what it is", "unit", "default", "values", *last)
     for key in keys(table):
         takers = _takers(table, key)
         name = f"{table}.{key}" if table else key
-        text = _schema(table).model_fields[key].description
-        facts = _facts(name, takers) if takers else _facts_of(name)
-        yield from (f":::{{scenario-key}} {name}", f"{_plain(text)}.", "")
-        yield from (f":{fact}: {words}" for fact, words in facts)
-        yield from (":::", "")
+        facts = dict(_facts(name, takers) if takers else _facts_of(name))
+        text = f"{_plain(_schema(table).model_fields[key].description)}."
+        if "Has an effect if" in facts:
+            text += f" Has an effect if {facts['Has an effect if']}."
+        values = facts.get("One of") or facts.get("Bounds", "")
+        of = [facts.get("Of", "all")] if receiver else []
+        yield _row(f"`{name}`", text, facts.get("Unit", ""), facts.get("Default", ""), values, *of)
 
 
 def _schema(table: str) -> Any:
@@ -190,7 +145,7 @@ def _facts_of(name: str) -> Iterator[tuple[str, str]]:
 
 def _followed(name: str) -> str:
     """The default of a key that follows from others."""
-    return "follows from " + _listed([f"{{key}}`{key}`" for key in FOLLOWS[name]], "and")
+    return "follows from " + _listed([f"`{key}`" for key in FOLLOWS[name]], "and")
 
 
 def _unit(component: Component, variable: Variable) -> str:
@@ -266,17 +221,17 @@ def _commands(group: Any, above: str) -> Iterator[tuple[str, Any]]:
 
 
 def command_pages() -> Iterator[str]:
-    """Markdown of all commands, each with its arguments and options."""
+    """All commands, in the order of the help, each with its arguments and options."""
     for name, command in commands().items():
         context = command.make_context(name, [], resilient_parsing=True)
         usage = re.sub("[{}]", "", " ".join(command.collect_usage_pieces(context)))
         yield from (f"## {name}", "", f"    sblcosim {name} {usage}", "", _plain(command.help), "")
-        yield from (f":::{{program}} sblcosim {name}", ":::", "")
-        for parameter in command.params:
-            record = parameter.get_help_record(context)
-            if record is not None:
-                typed = re.sub(r" <\w+>$", "", record[0])  # an argument's type
-                yield from (f":::{{option}} {typed}", _plain(record[1]), ":::", "")
+        records = [parameter.get_help_record(context) for parameter in command.params]
+        yield from _head("argument or option", "what it is")
+        for typed, words in filter(None, records):
+            shown = re.sub(r" <\w+>$", "", typed)  # without an argument's type
+            yield _row(f"`{shown}`", _plain(words))
+        yield ""
 
 
 # --- JSON ----------------------------------------------------------------------------------------
@@ -293,12 +248,12 @@ def json_pages() -> Iterator[str]:
         yield from (_json(said) if same == command else [f"As of `{same}`.", ""])
     yield from ("## Parts", "")
     for name, part in sorted(parts.items()):
-        yield from (f":::{{json-part}} {name}", *_json(part), ":::", "")
+        yield from (f"### {name}", "", *_json(part), "")
 
 
 def _json(said: Mapping[str, Any]) -> Iterator[str]:
     """What an object is, and a line for each of its names."""
-    yield from (_plain(said["description"].replace("``", "")), "")
+    yield from (_plain(said["description"]), "")
     for name, field in said["properties"].items():
         text = field.get("description", "").rstrip(".")
         yield f"- `{name}` ({_json_type(field)}){f': {_plain(text)}.' if text else ''}"
@@ -308,7 +263,8 @@ def _json(said: Mapping[str, Any]) -> Iterator[str]:
 def _json_type(said: Mapping[str, Any]) -> str:
     """The type of a value, with references to parts; an arrow leads from names to values."""
     if "$ref" in said:
-        return f"{{part}}`{said['$ref'].rpartition('/')[2]}`"
+        name = said["$ref"].rpartition("/")[2]
+        return f"[{name}](#{name.lower()})"
     if "anyOf" in said:
         return _listed([_json_type(one) for one in said["anyOf"]], "or")
     if "enum" in said:
@@ -334,13 +290,11 @@ def columns(name: str) -> Iterator[str]:
         words = _plain(column.description) + (f": {one_of}" if one_of else "")
         others = alike.pop((column.unit, words), [])
         alike[column.unit, words] = [*others, f"`{column.name}`"]
-    yield from (":::{list-table}", ":header-rows: 1", ":widths: 9 2 11")
-    yield "* - column\n  - unit\n  - what it is"
+    yield from _head("column", "unit", "what it is")
     for (unit, words), names in alike.items():
-        yield f"* - {', '.join(names)}\n  - {unit}\n  - {words}"
+        yield _row(", ".join(names), unit, words)
     if declared.more:
-        yield f"* - …\n  -\n  - {declared.more}"
-    yield ":::"
+        yield _row("…", "", declared.more)
 
 
 # --- Systems to begin with -----------------------------------------------------------------------
@@ -348,18 +302,20 @@ def columns(name: str) -> Iterator[str]:
 
 def likes() -> Iterator[str]:
     """Markdown of the systems that a scenario may begin like."""
-    yield from (":::{list-table}", ":header-rows: 1", ":widths: 3 9 3")
-    yield "* - `--like`\n  - what it is\n  - receiver"
+    yield from _head("`--like`", "what it is", "receiver")
     for name, it in LIKES.items():
         shipped = f" (`{it.source}`)" if isinstance(it.source, str) else ""
         receiver = load(it.source).receiver.type
-        yield f"* - `{name}`\n  - {_plain(it.about)}{shipped}\n  - `{receiver}`"
-    yield ":::"
+        yield _row(f"`{name}`", f"{_plain(it.about)}{shipped}", f"`{receiver}`")
 
 
 def _plain(text: str) -> str:
-    """A help text as Markdown that shows it as it is."""
-    return re.sub(r"([<*_`])", r"\\\1", text.replace("\b", ""))
+    """A help text as Markdown that shows it as it is; in double backticks it is code."""
+    parts = text.replace("\b", "").split("``")
+    return "".join(
+        f"`{part}`" if i % 2 else re.sub(r"([<*_`])", r"\\\1", part)
+        for i, part in enumerate(parts)
+    )
 
 
 # --- Responses and figures that are a file each --------------------------------------------------
@@ -372,24 +328,58 @@ def further() -> Iterator[str]:
         (it.name, "a figure of a run", str(it.plot.__doc__).partition("\n")[0])
         for it in more.rows("FIGURES")
     ]
-    yield from (":::{list-table}", ":header-rows: 1", ":widths: 4 5 9")
-    yield "* - name\n  - what it is\n  - what it says"
+    yield from _head("name", "what it is", "what it says")
     for name, of, words in rows:
-        yield f"* - `{name}`\n  - {of}\n  - {_plain(words).rstrip('.')}"
-    yield ":::"
+        yield _row(f"`{name}`", of, _plain(words).rstrip("."))
 
 
-# --- Sphinx --------------------------------------------------------------------------------------
+# --- Names of Python -----------------------------------------------------------------------------
 
 
-def setup(app: Sphinx) -> dict[str, Any]:
-    """Register the directives; ``{key}`` is a key of a scenario file, ``{part}`` one of JSON."""
-    app.add_object_type("scenario-key", "key", "pair: %s; scenario key", objname="scenario key")
-    app.add_directive("scenario-keys", ScenarioKeys)
-    app.add_directive("commands", Commands)
-    app.add_object_type("json-part", "part", "pair: %s; JSON", objname="part of JSON")
-    app.add_directive("json-documents", JsonDocuments)
-    app.add_directive("columns", Columns)
-    app.add_directive("likes", Likes)
-    app.add_directive("more", More)
-    return {"parallel_read_safe": True}
+def names(module: str) -> Iterator[str]:
+    """The public names of a package, each with the first sentence of what it says of itself."""
+    package = import_module(module)
+    yield from _head("name", "what it is")
+    for name in package.__all__:
+        said = getattr(getattr(package, name), "__doc__", None) or ""
+        if not name.startswith("__"):
+            first = " ".join(said.partition("\n\n")[0].split())
+            yield _row(f"`{name}`", _plain(first.replace("`", "")))
+
+
+# --- Pages ---------------------------------------------------------------------------------------
+
+
+def _head(*words: str) -> tuple[str, str]:
+    return _row(*words), "|" + "---|" * len(words)
+
+
+def _row(*cells: str) -> str:
+    """A row of a table; a bar in a cell does not end it."""
+    escaped = (cell.replace("|", "\\|") for cell in cells)
+    return f"| {' | '.join(escaped)} |"
+
+
+KINDS: Mapping[str, Callable[..., Iterator[str]]] = {
+    "keys": entries, "commands": command_pages, "json": json_pages, "columns": columns,
+    "likes": likes, "more": further, "names": names,
+}  # fmt: skip
+PAGES = sorted(
+    path for path in (Path(__file__).parents[1] / "docs").rglob("*.md") if "made" not in path.parts
+)
+_MADE = re.compile(r"(<!-- made: (\w+)(?: (\S+))? -->\n).*?(<!-- end -->)", re.DOTALL)
+
+
+def current(text: str) -> str:
+    """The text of a page with all that is made of the sources as it is now."""
+
+    def made(found: re.Match[str]) -> str:
+        lines = KINDS[found[2]](*filter(None, [found[3]]))
+        return f"{found[1]}\n" + "\n".join(lines).strip("\n") + f"\n\n{found[4]}"
+
+    return _MADE.sub(made, text)
+
+
+if __name__ == "__main__":
+    for page in PAGES:
+        page.write_text(current(page.read_text("utf-8")), "utf-8")
