@@ -28,12 +28,13 @@ version = release = version_of("sblcosim")
 
 extensions = [
     "myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_gallery.gen_gallery", "keys",
+    "typeset",
 ]
 root_doc = "docs/index"
 ROOMS = ("models", "fmus", "orchestrator", "tests", "tools")
 PAGES = {"docs", *ROOMS, "ARCHITECTURE.md", "CONTRIBUTING.md", "CHANGELOG.md"}
 include_patterns = [
-    *(page for page in PAGES if page.endswith(".md")), "docs/**",
+    *(page for page in PAGES if page.endswith(".md")), "docs/**", "models/*.md", "models/*/*.md",
     *(f"{room}/{inner}README.md" for room in ROOMS for inner in ("", "**/")),
     "fmus/conformance/FOREIGN.md",
 ]
@@ -54,7 +55,8 @@ html_copy_source = html_show_sourcelink = False
 html_additional_pages = {"index": "to-the-first-page.html"}
 templates_path = ["_templates"]
 
-myst_enable_extensions = ["colon_fence", "deflist", "fieldlist"]
+html_math_renderer = "mathml"
+myst_enable_extensions = ["colon_fence", "deflist", "dollarmath", "fieldlist"]
 myst_heading_anchors = 4
 nb_execution_mode = "force"
 nb_execution_raise_on_error = True

@@ -3,29 +3,31 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib.resources import files
 from typing import TYPE_CHECKING
 
 import jinja2
-from markdown_it import MarkdownIt
-from markdown_it.rules_inline import StateInline
 from sblcosim.models import COMPONENTS, module_of
 from sblcosim.models.declaration import Variable
 
 from ..standard import Fmi
 from .description import literal
+from .formulas import Symbol, linked, mathml, of_page, parser, used
+from .ingredients import pages
 
 if TYPE_CHECKING:
     from sblcosim.models.equations import Model
 
 _HEADINGS = {"parameter": "Parameters", "input": "Inputs", "output": "Outputs"}
-_FORMULA = re.compile(r"(?P<fence>\${1,2})(?P<formula>.+?)(?P=fence)", re.DOTALL)
+_ELSEWHERE = re.compile(r"<!-- not in the FMU -->.*?<!-- in the FMU -->", re.DOTALL)
+_COMMENT = re.compile(r"<!--.*?-->\n?", re.DOTALL)
 
 
 def index_html(model: Model, fmi: Fmi) -> str:
     """Return documentation/index.html: one file that is readable offline."""
     component = model.component
+    readme, symbols = _readme(model)
     template = files(__package__).joinpath("documentation.html.jinja").read_text("utf-8")
     environment = jinja2.Environment(
         autoescape=True,
@@ -42,7 +44,8 @@ def index_html(model: Model, fmi: Fmi) -> str:
             for causality, heading in _HEADINGS.items()
         ],
         feedthrough=sorted(model.feedthrough),
-        readme=_readme(model),
+        readme=readme,
+        symbols=symbols,
     )
 
 
@@ -79,34 +82,49 @@ def _range(variable: Variable) -> str:
     return "" if high is None else f"≤ {high}"
 
 
-def _readme(model: Model) -> str:
-    """Return the README of the component's folder as HTML, its headings one level down."""
+def _readme(model: Model) -> tuple[str, list[dict[str, str]]]:
+    """What is written about a component as HTML, and the symbols in its formulas."""
     if model.readme is not None:
-        return markdown(model.readme)
+        return markdown(model.readme), []
     for name, known in COMPONENTS.items():
         if known.name == model.component.name:
-            path = files(f"sblcosim.models.{module_of(name)[0]}").joinpath("README.md")
-            return markdown(path.read_text("utf-8")) if path.is_file() else ""
-    return ""
+            folder = module_of(name)[0]
+            return _with_symbols(told(name), of_page(folder, name))
+    return "", []
 
 
-def markdown(text: str) -> str:
-    """Return the HTML of a Markdown text, its headings one level down, formulas as typed."""
-    parser = MarkdownIt("commonmark", {"html": False}).enable("table")
-    parser.inline.ruler.before("escape", "formula", _formula)
-    tokens = parser.parse(text)
+def told(name: str) -> str:
+    """What is written about a component, without what is about other things than its FMU."""
+    texts = {page: content.decode("utf-8") for page, content in pages(name).items()}
+    for page in texts.keys() - {"README.md", f"{name}.md"}:  # its heading is another's name
+        texts[page] = texts[page].partition("\n")[2]
+    return _COMMENT.sub("", _ELSEWHERE.sub("", "\n\n".join(texts.values())))
+
+
+def _with_symbols(
+    text: str, known: Mapping[str, Symbol]
+) -> tuple[str, list[dict[str, str]]]:
+    rows: dict[str, Symbol] = {}
+
+    def render(latex: str, display: bool) -> str:
+        rows.update({it.place: it for _, it in used(latex, known) if it is not None})
+        return linked(latex, display, known, "#{}".format)
+
+    html, plain = markdown(text, render), parser(mathml)
+    return html, [
+        {
+            "place": it.place, "symbol": mathml(it.latex), "unit": it.unit,
+            "words": plain.renderInline(it.words),
+        }
+        for it in known.values() if it.place in rows
+    ]  # fmt: skip
+
+
+def markdown(text: str, render: Callable[[str, bool], str] = mathml) -> str:
+    """The HTML of a Markdown text, its headings one level down, formulas as MathML."""
+    parse = parser(render)
+    tokens = parse.parse(text)
     for token in tokens:
         if token.type in ("heading_open", "heading_close"):
             token.tag = f"h{min(int(token.tag[1:]) + 1, 6)}"
-    return str(parser.renderer.render(tokens, parser.options, {}))
-
-
-def _formula(state: StateInline, silent: bool) -> bool:
-    """Show a formula between dollar signs as code: emphasis and escapes would garble it."""
-    match = _FORMULA.match(state.src, state.pos)
-    if match is None:
-        return False
-    if not silent:
-        state.push("code_inline", "code", 0).content = match["formula"].strip()
-    state.pos = match.end()
-    return True
+    return str(parse.renderer.render(tokens, parse.options, {}))

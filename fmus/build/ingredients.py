@@ -29,6 +29,8 @@ _NO_INGREDIENTS = (
 """Modules that do not affect an FMU: files only writes what is complete, bounds are in no FMU, and
 ours only asks whether an existing file was built here."""
 _RECEIVERS = "receiver"
+_AFTER = re.compile(r"<!-- after (\w+\.md) -->")
+"""What a page says that presumes another one."""
 _DECLARATIONS = "variables"
 """Name of the modules that hold a folder's declarations."""
 
@@ -51,11 +53,24 @@ def ingredients(name: str, fmi: Fmi, **constants: int) -> str:
         A key of `sblcosim.models.COMPONENTS`.
     """
     folder, module = module_of(name)
-    readme = resources.files(f"{_MODELS}.{folder}") / "README.md"
+    symbols = resources.files(_MODELS) / "SYMBOLS.md"
     return _ingredients(
         repr(declared(name, **constants)), (f"{_MODELS}.{folder}.{module}",), fmi,
-        {"README.md": readme.read_bytes()} if readme.is_file() else {},
+        {**pages(name), symbols.name: symbols.read_bytes()},
     )
+
+
+def pages(name: str) -> dict[str, bytes]:
+    """The files that are written about a component: the folder's, and the component's own."""
+    folder = resources.files(f"{_MODELS}.{module_of(name)[0]}")
+    found: dict[str, bytes] = {}
+    for page in ("README.md", f"{name}.md"):
+        if folder.joinpath(page).is_file():
+            content = folder.joinpath(page).read_bytes()
+            for other in _AFTER.findall(content.decode("utf-8")):
+                found[other] = folder.joinpath(other).read_bytes()
+            found[page] = content
+    return found
 
 
 @cache

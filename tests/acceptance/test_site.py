@@ -148,6 +148,7 @@ def test_the_site_is_built_and_whole(tmp_path: Path, drawn: Path) -> None:
     every_public_name_is_in_the_reference(site)
     the_pages_need_nothing_from_elsewhere(site)
     links_within_the_site_lead_somewhere(site)
+    formulas_are_typeset_and_lead_to_their_symbols(site)
 
 
 def every_document_is_a_page(site: Site) -> None:
@@ -290,6 +291,20 @@ def links_within_the_site_lead_somewhere(site: Site) -> None:
                     assert unquote(url.fragment) in ids, f"{path.relative_to(site.folder)}: {link}"
                     followed += 1
     assert followed > 1000
+
+
+def formulas_are_typeset_and_lead_to_their_symbols(site: Site) -> None:
+    rows = site.pages[site.folder / "models" / "SYMBOLS.html"].ids
+    assert sum(name.startswith("symbol-") for name in rows) > 200
+    for path in site.pages:
+        code = re.compile(r"<(pre|code|script|style)\b.*?</\1>", re.DOTALL)
+        text = code.sub("", path.read_text("utf-8"))
+        visible = re.sub(r"<[^>]*>", "", text)
+        assert "$" not in visible, f"{path}: {visible[visible.index('$') - 40 :][:80]}"
+        assert "\\frac" not in visible, path
+    for name in ("models/target/README", "models/receiver/coupled", "orchestrator/limits/README"):
+        html = site.pages[site.folder / f"{name}.html"]
+        assert sum("SYMBOLS.html#symbol" in link for link in html.links) > 20, name
 
 
 def test_every_key_of_a_study_is_in_the_reference() -> None:

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from html import unescape
 from html.parser import HTMLParser
+from pathlib import Path
 from typing import get_args
 
 import pytest
 from sblcosim.fmus.build.documentation import index_html, markdown
+from sblcosim.fmus.build.formulas import mathml, of_page, symbols, used
 from sblcosim.fmus.standard import Fmi
 from sblcosim.models import COMPONENTS
 from sblcosim.models.declaration import Component
 from sblcosim.models.equations import Model
 from sblcosim.models.loading import load
 
+ROOT = Path(__file__).parents[3]
 VERSIONS = get_args(Fmi)
 
 
@@ -95,11 +99,94 @@ def test_only_components_with_inputs_refuse_a_step_with_a_tick_inside() -> None:
     assert "a step may have any length" in index_html(model(COMPONENTS["target"]), 2)
 
 
-def test_markdown_keeps_formulas_as_typed() -> None:
+def test_formulas_are_mathml_and_not_read_as_emphasis() -> None:
     text = r"with $a_i * b * \{c\}$ and *stress*" "\n\n$$\nx_k^* = \\Phi x_{k-1}^*\n$$\n"
     html = markdown(text)
-    assert r"<code>a_i * b * \{c\}</code> and <em>stress</em>" in html
-    assert r"<code>x_k^* = \Phi x_{k-1}^*</code>" in html
+    assert html.count("<math") == 2
+    assert "<em>stress</em>" in html
+    assert html.count("<em>") == 1
+    assert "$" not in html
+
+
+def test_a_formula_with_an_unknown_command_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"known commands only, got '\\\\nonsense x'"):
+        markdown(r"$\nonsense x$")
+
+
+TYPES = re.compile(r"(Float64|Int32|Boolean|String)(\[\d+\])*|name\[i(,j)?\]")
+ELSEWHERE = re.compile(r"\.py\b|\.md\b|\.toml\b|sblcosim|scenario|tests?/|benchmarks/|<!--")
+
+
+def names(component: Component) -> set[str]:
+    """What the documentation of an FMU may name: what is in it."""
+    said = {component.name, *(variable.name for variable in component)}
+    for variable in component:
+        said |= set((variable.choices or {}).values())
+    for terminal in component.terminals:
+        said |= {terminal.name, *terminal.members, *terminal.members.values()}
+    return said
+
+
+@pytest.mark.parametrize("name", COMPONENTS)
+def test_the_page_names_only_what_is_in_the_fmu(name: str) -> None:
+    page = index_html(model(COMPONENTS[name]), 3)
+    codes = {unescape(code) for code in re.findall(r"<code>(.*?)</code>", page, re.DOTALL)}
+    strange = {c for c in codes if not TYPES.fullmatch(c)} - names(COMPONENTS[name]) - {name}
+    assert strange == set()
+    visible = unescape(re.sub(r"<style>.*?</style>|<[^!][^>]*>", "", page, flags=re.DOTALL))
+    assert not ELSEWHERE.search(visible), ELSEWHERE.search(visible)
+    others = COMPONENTS.keys() - {name, "target", "platform", "acoustics"}
+    assert not [other for other in others if "_" in other and other in visible]
+    ids = set(re.findall(r' id="([^"]+)"', page))
+    assert {*re.findall(r' href="#([^"]+)"', page)} <= ids
+    assert not re.search(r' href="[^#]', page)
+
+
+@pytest.mark.parametrize("name", COMPONENTS)
+def test_the_page_has_the_formulas_and_their_symbols(name: str) -> None:
+    page = index_html(model(COMPONENTS[name]), 3)
+    assert page.count("<math") >= 5
+    assert "$" not in page
+    assert 'id="symbols"' in page
+
+
+WRITTEN = sorted(
+    path for path in [*ROOT.glob("models/*/*.md"), ROOT / "orchestrator" / "limits" / "README.md"]
+)
+
+
+@pytest.mark.parametrize("path", WRITTEN, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_every_formula_is_typeset_and_its_symbols_are_in_the_table(path: Path) -> None:
+    known = of_page(path.parent.name, path.stem)
+    formulas: list[str] = []
+
+    def render(latex: str, display: bool) -> str:
+        assert mathml(latex, display)
+        formulas.append(latex)
+        return ""
+
+    html = markdown(path.read_text("utf-8"), render)
+    assert formulas
+    assert "$" not in html
+    missing = {(n, f) for f in formulas for n, row in used(f, known) if row is None}
+    assert missing == set()
+    prose = re.sub(r"<code>.*?</code>", "", html, flags=re.DOTALL)
+    assert not re.search(r"[α-ωΓ-Ω√∂∫Σᵀ₀-₉\u0302\u0304\u0307]|<pre>", prose), "typed, not typeset"
+    assert "SYMBOLS.md" in html
+
+
+def test_a_symbol_that_is_not_in_the_table_is_found() -> None:
+    known = of_page("range_model")
+    found = dict(used(r"\hat{r}_{\text{odd}} = \frac{x_i}{\zeta} + \operatorname{Var} s'", known))
+    assert {name for name, row in found.items() if row is None} == {r"\hat{r}_odd", r"\zeta", "s'"}
+    assert {"x_i"} == {name for name, row in found.items() if row is not None}
+
+
+def test_every_row_of_the_table_is_a_symbol_with_a_unit() -> None:
+    text = (ROOT / "models" / "SYMBOLS.md").read_text("utf-8")
+    rows = [line for line in text.splitlines() if line.startswith("| $")]
+    assert len(rows) == sum(len(section) for section in symbols().values())
+    assert all(it.unit and it.words for section in symbols().values() for it in section.values())
 
 
 def test_markdown_is_embedded_below_the_title_and_without_raw_html() -> None:

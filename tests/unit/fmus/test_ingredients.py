@@ -79,6 +79,8 @@ APART = ALL - {name for name, it in FOUND.items() if it.equations is not None}
         ("models/receiver/kalman.py", FILTERS),
         ("models/receiver/least_squares.py", set(RECEIVERS)),
         ("models/receiver/README.md", set(RECEIVERS)),
+        ("models/receiver/coupled.md", {"coupled", "fixed_lag"}),
+        ("models/SYMBOLS.md", set(COMPONENTS)),
         ("models/geometry.py", {"platform", "acoustics"}),
         ("models/target/trajectories/square.py", {"target"}),
         ("models/target/trajectories/__init__.py", {"target"}),
