@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import re
 import shlex
 import subprocess
 import sys
@@ -24,6 +25,7 @@ from sblcosim.cli import app
 from sblcosim.export.container import export_fmu
 from sblcosim.export.ssp import export_ssp
 from sblcosim.fmus.build.factory import build
+from sblcosim.models import COMPONENTS
 from sblcosim.scenario.wiring import connect
 from sblcosim.simulation.execution import MASTERS, execute
 from sblcosim.simulation.resolve import resolve
@@ -196,6 +198,8 @@ def test_the_documented_steps_work(
         ("in_libcosim.py", "libcosimpy", "pip install libcosimpy"),
         ("in_ecos.py", "ecospy", "pip install ecospy, apt-get install libtbb12"),
         ("in_omsimulator.py", "OMSimulator", "pip install OMSimulator"),
+        ("channel_in_fmpy.py", "fmpy", "pip install fmpy"),
+        ("channel_in_omsimulator.py", "OMSimulator", "pip install OMSimulator"),
         ("in_container.py", "fmpy", "pip install fmpy"),
         ("receiver_in_c/build.py", "fmpy", "pip install fmpy"),
     ],
@@ -208,6 +212,37 @@ def test_without_its_tool_an_example_says_what_to_install(
     assert done.returncode == 1
     (line,) = done.stderr.splitlines()
     assert advice in line
+
+
+CHANNEL = {"channel_in_fmpy.py": 3, "channel_in_omsimulator.py": 2}
+"""Examples with the acoustics alone, and the version of FMI of each."""
+
+
+@pytest.mark.parametrize("script", CHANNEL)
+def test_the_channel_alone_runs_as_its_page_says(script: str) -> None:
+    done = start(script, build("acoustics", CHANNEL[script]))
+    skip_without(done.stderr)
+    assert done.returncode == 0, done.stderr
+    rows = [re.findall(r"[\d.]+", line) for line in done.stdout.splitlines()]
+    assert [float(row[0]) for row in rows] == [round(0.1 * k, 1) for k in range(1, 50)]
+    assert [int(row[1]) for row in rows] == [1 + k % 4 for k in range(49)]
+    errors = [float(row[2]) - float(row[3]) for row in rows]
+    assert 0.05 < np.std(errors) < 0.2
+    page = (EXAMPLES.parent / "docs" / "howto" / "one-component.md").read_text("utf-8")
+    assert f"python examples/{script} fmus/fmi{CHANNEL[script]}/acoustics.fmu" in page
+    if CHANNEL[script] == 3:
+        shown = page.partition("```text\n")[2].partition("```")[0]
+        assert done.stdout.startswith(shown)
+
+
+def test_the_page_about_one_component_names_its_inputs_and_outputs() -> None:
+    page = (EXAMPLES.parent / "docs" / "howto" / "one-component.md").read_text("utf-8")
+    needs = page.partition("## What it gives")[0]
+    component = COMPONENTS["acoustics"]
+    assert all(f"`{v.name}`" in needs for v in component.of("input"))
+    rows = re.findall(r"^\| (`.*?`) \|", page, re.MULTILINE)
+    named = {name for row in rows for name in re.findall(r"`(\w+)`", row)}
+    assert named <= {v.name for v in (*component.of("input"), *component.of("output"))}
 
 
 def test_fmpys_ssp_master_shows_nothing_past_the_stop_time(
