@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from typing import TypeVar
+from typing import Any, TypeVar
 
 T = TypeVar("T")
 
-_ANSWERS: ContextVar[dict[Hashable, object] | None] = ContextVar("answers", default=None)
+_ANSWERS: ContextVar[dict[Hashable, Any] | None] = ContextVar("answers", default=None)
+answers = _ANSWERS.get
+"""The answers so far, by their questions; None where nothing is assumed."""
 
 
 @contextmanager
@@ -24,11 +26,11 @@ def assumed() -> Iterator[None]:
 
 def once(question: Hashable, answer: Callable[[], T]) -> T:
     """The answer to a question about files, kept while they are assumed unchanged."""
-    answers = _ANSWERS.get()
-    if answers is None:
+    known = answers()
+    if known is None:
         return answer()
     try:
-        return answers[question]  # type: ignore[return-value]
+        return known[question]  # type: ignore[no-any-return]
     except KeyError:
         pass  # computing the answer may take long, and raise
-    return answers.setdefault(question, answer())  # type: ignore[return-value]
+    return known.setdefault(question, answer())  # type: ignore[no-any-return]

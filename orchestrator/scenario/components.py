@@ -7,6 +7,7 @@ import operator
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import compress
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, cast
@@ -80,14 +81,16 @@ class _First:
 
     def __init__(self, fmu: Path, rows: _Rows, content: Mapping[str, Any]) -> None:
         self._rows, self._content = rows, content
+        self._before = [content[key] for key in rows]
         self._spec = ComponentSpec(fmu, 1, _values(rows, content))
 
     def varied(self, content: Mapping[str, Any], interval_ns: int) -> ComponentSpec:
         """The component with other values in its table."""
         spec, before = self._spec, self._content
+        others = map(operator.is_not, map(content.__getitem__, self._rows), self._before)
         rows = {
-            key: row for key, row in self._rows.items()
-            if content[key] is not before[key] and not _same(content[key], before[key])
+            key: self._rows[key] for key in compress(self._rows, others)
+            if not _same(content[key], before[key])
         }
         changes = _values(rows, content)
         if len(changes) < len(rows) or not changes.keys() <= spec.parameters.keys():

@@ -21,13 +21,18 @@ def alike(what: str, key: Hashable, make: Callable[[], T], *kept: object) -> T:
     kept
         Objects whose ids are in the key.
     """
-    known: dict[Hashable, tuple[T, tuple[object, ...]]] = unchanged.once(what, dict)
+    answers = unchanged.answers()
+    if answers is None:
+        return make()
+    known = answers.get(what)
+    if known is None:
+        known = answers.setdefault(what, {})
     found = known.get(key)
     if found is None:
         if len(known) >= _MOST:
             known.clear()
         found = known[key] = (make(), kept)
-    return found[0]
+    return found[0]  # type: ignore[no-any-return]
 
 
 def bits_of(value: Any) -> bytes | None:
