@@ -43,7 +43,7 @@ def _of_waypoints(scenario: Scenario) -> Iterator[str]:
     depths = target.waypoint_m[2 : 3 * target.waypoint_count : 3]
     dry = [row for row, depth in enumerate(depths, 1) if depth < -ABOVE]
     if dry:
-        rows = "" if len(dry) == 1 else f", and so on for {len(dry) - 1} more of {len(depths)} rows"
+        rows = "" if len(dry) == 1 else f", likewise {len(dry) - 1} more of {len(depths)} rows"
         yield (
             f"{scenario.where('target', 'waypoint_m')}[{dry[0]},3]: should be under water (down is "
             f"positive), got a depth of {depths[dry[0] - 1]:g} m{rows}"

@@ -66,8 +66,8 @@ def _shown(design: Design, total: int, points: int, seed: int) -> Design:
             return replace(design, values=values, centre=(False,) * points)
         missing = missing or absent[0]
     raise ConfigurationError(
-        f"[design] points: must be enough for every level, but {points} points do not include "
-        f"{missing}; draw more"
+        f"[design] points: must be enough for every level, got {points} without {missing}; draw "
+        "more"
     )
 
 

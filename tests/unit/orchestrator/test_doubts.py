@@ -38,7 +38,7 @@ def test_waypoints_above_the_water_are_told() -> None:
     (line,) = said({"target.waypoint_m": rows})
     assert line == (
         "override target.waypoint_m[2,3]: should be under water (down is positive), got a depth of "
-        "-6.5 m, as 1 more of 4 rows"
+        "-6.5 m, likewise 1 more of 4 rows"
     )
     assert not said({"target.waypoint_m": rows[:1] + rows[3:]})  # in the waves
 
@@ -67,7 +67,7 @@ def test_a_speed_that_sound_has_in_no_water_is_told(key: str) -> None:
 
 OWN = "each beacon has an error of its own: "
 BUOYS = (
-    "each buoy has a GPS of its own: its covariance does not fit, and its error is small only if "
+    "each buoy has its own GPS: the covariance does not fit, and the error is small only while "
     "the buoys keep their arrangement; compare it with long_baseline"
 )
 SHARED = "all beacons share the errors of one platform: try coupled"

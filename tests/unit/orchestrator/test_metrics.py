@@ -84,7 +84,7 @@ def test_estimate_from_outside_of_the_run_is_an_error_that_names_the_receiver():
 
 def test_estimate_that_is_not_a_number_is_an_error_that_names_the_receiver():
     record = make_record({"ekf": np.array([[np.nan, 0, 0]])})
-    with pytest.raises(FmuError, match=r"^ekf\.position: must be finite .* at epoch 0\.1 s"):
+    with pytest.raises(FmuError, match=r"^ekf\.position: must be finite, .* at epoch 0\.1 s"):
         track(record, "ekf")
 
 

@@ -346,7 +346,7 @@ def test_every_quantile_is_finite() -> None:
     ("factors", "n", "seed", "message"),
     [
         ((), 16, 1, "space: must have at least one factor, got none"),
-        (FACTORS[:1] * 2, 16, 1, "factor gps: must be there once, got 2"),
+        (FACTORS[:1] * 2, 16, 1, "factor gps: must appear once, got 2"),
         (FACTORS, 1000, 1,
          "base_rows: must be a power of 2 from 16 to 1048576, got 1000; did you mean 1024?"),
         (FACTORS, 8, 1, "base_rows: must be a power of 2 from 16 to 1048576, got 8"),

@@ -99,7 +99,7 @@ def test_every_flipped_bit_of_a_part_is_found(out: Path) -> None:
             refused(out)
         assert str(caught.value) == (
             f"{path}: must be as it was written, got other bytes; 'sblcosim study' with the same "
-            "study and folder does its runs again"
+            "study and folder repeats its runs"
         )
     path.write_bytes(good)
     assert len(store.table(out)) == 4
@@ -123,7 +123,7 @@ def test_a_damaged_part_is_set_aside_and_its_runs_are_done_again(
         small().run(out)
     assert [str(w.message) for w in told] == [
         f"{path}: must be as it was written, got other bytes; it is now in damaged/, and its runs "
-        "are done again"
+        "are repeated"
     ]
     assert (out / "parts" / "damaged" / path.name).read_bytes() == bad
     assert path.read_bytes() == good
@@ -137,7 +137,7 @@ def test_a_part_that_is_gone_is_named_and_its_runs_are_done_again(out: Path, who
         store.table(out)
     assert str(caught.value) == (
         f"{path}: must be there, as study.json names it, got no such file; 'sblcosim study' with "
-        "the same study and folder does its runs again"
+        "the same study and folder repeats its runs"
     )
     assert runner.missing(campaign.prepare(small()), out, tell=True).runs == 2
     small().run(out)
@@ -233,7 +233,7 @@ def test_a_run_of_a_changed_fmu_of_the_same_name_is_not_replayed(tmp_path: Path)
     assert again.replay(tmp_path / "out", run_id).receivers[0] == "mine"
     with zipfile.ZipFile(mine, "a") as archive:
         archive.writestr("documentation/note.txt", "changed")
-    with pytest.raises(ConfigurationError, match="with the FMUs and files of then"):
+    with pytest.raises(ConfigurationError, match="with the original FMUs and files"):
         again.replay(tmp_path / "out", run_id)
 
 

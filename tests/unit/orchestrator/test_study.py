@@ -122,7 +122,7 @@ PROBLEMS: list[tuple[dict[str, Any], str]] = [
     ({"factors": {"arm": {**ARM, "keys": []}}}, "keys: must have at least one key"),
     ({"factors": {"arm": {**ARM, "level": 1}}}, "there is no key 'level'; did you mean 'levels'"),
     ({"factors": {"arm": {**ARM, "high": 1}}}, "'high'; there are range, .*keys, levels, dist"),
-    ({"factors": {"arm": ARM, "length": ARM}}, "must belong to one factor, got arm, too"),
+    ({"factors": {"arm": ARM, "length": ARM}}, "must belong to one factor, also belongs to arm"),
     ({"factors": {"error": ARM}}, "must have a name of at most 60 letters"),
     ({"factors": {"a-b": ARM}}, "must have a name of at most 60 letters"),
     ({"factors": {}}, "factors: must have at least one, got none"),
@@ -553,7 +553,7 @@ def test_a_run_of_other_fmus_is_not_replayed(
     table = small().run(tmp_path / "out")
     original = campaign.point_digest
     seam.instead(again.point_digest, lambda *args: original(*args)[::-1])
-    with pytest.raises(ConfigurationError, match="with the FMUs and files of then"):
+    with pytest.raises(ConfigurationError, match="with the original FMUs and files"):
         again.replay(tmp_path / "out", table["run_id"][0])
 
 

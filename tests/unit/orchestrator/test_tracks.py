@@ -372,7 +372,7 @@ def test_the_origin_is_that_of_the_scenario_or_the_first_point(tmp_path: Path) -
     ({"trajectory": "file", "track_time_s": [0, 1], "track_m": [1, 2, 3]},
      "[target] track_m: must have a row for each of 2 times, got 1"),
     ({"trajectory": "file", "track_time_s": [0, 1, 1], "track_m": [[0, 0, 1]] * 3},
-     "[target] track_time_s[3]: must be later than the point before (1.0), got 1.0"),
+     "[target] track_time_s[3]: must be later than the previous point (1.0), got 1.0"),
     ({"trajectory": "file", "track_count": 3, "track_time_s": [0, 1], "track_m": [[0, 0, 1]] * 2},
      "[target] track_count: must be from 2 to 2, got 3"),
     ({"trajectory": "file", "track_time_s": [0, 1], "track_m": [[0, 0, 1], [0, 2e5, 1]]},
