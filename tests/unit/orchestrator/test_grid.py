@@ -216,7 +216,8 @@ PROBLEMS = [
     ({"conditions": {"sea": {**SEA, "combine": "worst"}}}, "must be 'average' or 'all'"),
     ({"conditions": {"sea": {**GPS, "levels": ["sbas", "rtk_float"]}}}, "must belong to one"),
     ({"design": {"kind": "grid", "points": 5}}, "points: must be at most 4, got 5 of 4 combinat"),
-    ({"design": {"kind": "grid", "points": 1}}, "points: must be enough for every level, got 1 without gps"),
+    ({"design": {"kind": "grid", "points": 1}},
+     "points: must be enough for every level, got 1 without gps"),
     ({"design": {"kind": "full", "points": 3}, "factors": {"sea": {**SEA, "levels": [2, 3]}}},
      "kind: must be 'grid' with points"),
     ({"design": {"kind": "grid", "centre_points": 1}}, "centre_points: must be 0 for kind 'grid'"),
@@ -399,7 +400,7 @@ def test_an_empty_level_is_the_scenario_as_it_is_and_no_level_is_there_twice(
     same = {"platform": {"arm_length_m": of.base.platform.arm_length_m}}
     for levels in ({"own": {}, "same": same}, {"own": {}, "none": {}, "s": BOAT["levels"]["rib"]}):
         with pytest.raises(ConfigurationError, match=r"levels: must have levels that differ, got "
-                           r"own and \w+ the same \(own, which is empty, is the unchanged scenario"):
+                           r"own and \w+ the same \(own, which is empty, is the unchanged"):
             small(factors={"boat": {"levels": levels}})
 
 
