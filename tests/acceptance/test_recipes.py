@@ -136,7 +136,7 @@ def test_a_receiver(copy: Copy) -> None:
 
 def test_an_error_of_the_ranges(copy: Copy) -> None:
     copy.run(f"{SHORT} --out runs/before")
-    done(copy, "Add an error of the ranges")
+    done(copy, "Add a range error")
     copy.run(f"{SHORT} --out runs/without")
     pd.testing.assert_frame_equal(errors(copy, "before"), errors(copy, "without"))
     assert errors(copy, "bubbles")["rms_m"].mean() > errors(copy, "without")["rms_m"].mean()

@@ -56,7 +56,7 @@ KNOWN = {
     "Add a receiver": ("receiver.type", "direct", "dirct"),
     "Add a trajectory": ("target.trajectory", "zigzag", "zigzg"),
     "Add a schedule": ("acoustics.schedule", "pairs", "pair"),
-    "Add a content of packets": ("acoustics.packet_content", "own_and_pose", "own_andpose"),
+    "Add packet content": ("acoustics.packet_content", "own_and_pose", "own_andpose"),
     "Add a grade of a sensor": ("platform.gps_grade", "survey", "survy"),
     "Add a key that sets others": ("target.depth_grade", "needle", "nedle"),
 }
@@ -68,7 +68,7 @@ NEW_KEYS = ("acoustics.bubble_excess_m", "target.zigzag_angle_deg", "target.dept
 def all_of_them(tmp_path_factory: pytest.TempPathFactory) -> Copy:
     """A copy with all that adds a value of a key, and a system to begin with: one build of FMUs."""
     made = Copy(tmp_path_factory.mktemp("all"))
-    for title in (*KNOWN, "Add an error of the ranges", "Add a system to begin with"):
+    for title in (*KNOWN, "Add a range error", "Add a starting system"):
         made.follow(recipe(title))
     return made
 
@@ -140,7 +140,7 @@ def test_a_schedule_and_a_content_of_packets(all_of_them: Copy) -> None:
 
 
 def test_a_schedule_and_a_content_run_as_they_are_said(all_of_them: Copy) -> None:
-    for title in ("Add a schedule", "Add a content of packets"):
+    for title in ("Add a schedule", "Add packet content"):
         (commands,) = [text for language, text in recipe(title) if language == "sh"]
         all_of_them.run(commands)
     page = all_of_them.run(
@@ -161,7 +161,7 @@ def test_a_key_that_sets_others(all_of_them: Copy) -> None:
 
 
 def test_a_system_to_begin_with(all_of_them: Copy) -> None:
-    (commands,) = [text for language, text in recipe("Add a system to begin with")
+    (commands,) = [text for language, text in recipe("Add a starting system")
                    if language == "sh"]  # fmt: skip
     all_of_them.run(commands)
     assert (all_of_them.folder / "raft.toml").is_file()

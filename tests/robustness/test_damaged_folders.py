@@ -223,8 +223,8 @@ def test_a_scenario_that_was_edited_is_said_to_be_and_counts(own: Path) -> None:
     path.write_text(f"{before}{key}0.5 # {after}")
     said = command("smooth", "run", "--out", "edited", *_BARE)
     assert said == (
-        "warning: run/scenario.toml: was edited or damaged after the run; the smoother goes by "
-        "what it says now: receiver.range_std_m = 0.5 (was 0.1)\n"
+        "warning: run/scenario.toml: was edited or damaged after the run; the smoother uses "
+        "its current content: receiver.range_std_m = 0.5 (was 0.1)\n"
     )
     errors = [(own / name / "errors.csv").read_text() for name in ("smoothed", "edited")]
     assert errors[0] != errors[1]
