@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -226,19 +227,12 @@ def test_a_single_run_that_is_lost_is_not_judged() -> None:
     assert "looks pessimistic" in str(of_runs([0.5]))
 
 
-class _Receiver:
-    lost = 0.66
-    rms_m = 3.0
-
-    def __init__(self, untold: int) -> None:
-        class Found:
-            points, optimistic, pessimistic, in_band = 3, 0, 0, 0
-
-        Found.untold = untold  # type: ignore[attr-defined]
-        self.covariances = {"absolute": Found()}
-
-
 def test_a_study_says_so_too() -> None:
-    assert contents._trust(_Receiver(3)) == (  # type: ignore[arg-type]
-        "its covariance is not judged, as so many runs are lost"
+    found = SimpleNamespace(points=3, optimistic=0, pessimistic=0, in_band=0, untold=3)
+    receiver = SimpleNamespace(lost=0.66, rms_m=3.0, covariances={"absolute": found})
+    study: Any = SimpleNamespace(receivers={"ekf": receiver}, finished=9, failed=0, failure=None)
+    first = next(iter(contents.study_lines(study, False)))
+    assert first == (
+        "ekf: 3.0 m RMS over all runs, 66% lost; its covariance is not judged, as so many runs are "
+        "lost"
     )
