@@ -2,8 +2,8 @@
 
 All of them displace the beacons from where packets say they are: errors of the mounting, and of the
 attitude beyond what the model includes. To first order, simultaneous ranges to beacons displaced by
-δs_i move the estimate of a diver at known depth by δx = G⁻¹ Σ u_h,i (u_i·δs_i), with u_i and G as in
-`sblcosim.limits.geometry`. Independent displacements with standard deviation σ per axis give the
+δs_i move the estimate of a diver at known depth by δx = G⁻¹ Σ u_h,i (u_i·δs_i), with u_i and G as
+in `sblcosim.limits.geometry`. Independent displacements with standard deviation σ per axis give the
 covariance σ² G⁻¹. This is an approximation: in runs of `coupled` with and without such an error, at
 10 to 60 m, the actual errors were 0.6 to 1.6 times as large where they matter.
 """
