@@ -95,7 +95,7 @@ def test_page_tells_feedthrough_from_its_absence() -> None:
 
 
 def test_only_components_with_inputs_refuse_a_step_with_a_tick_inside() -> None:
-    assert "is refused" in index_html(model(COMPONENTS["acoustics"]), 2)
+    assert "refuses a step" in index_html(model(COMPONENTS["acoustics"]), 2)
     assert "a step may have any length" in index_html(model(COMPONENTS["target"]), 2)
 
 
