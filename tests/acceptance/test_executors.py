@@ -50,6 +50,12 @@ def reference(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     return (out / "runs.parquet").read_bytes()
 
 
+@pytest.fixture(autouse=True)
+def patient(seam: Seam) -> None:
+    """A cluster on a busy machine takes more than seconds to have workers."""
+    seam.tuned(worker_patience=300)
+
+
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[LocalCluster]:
     with LocalCluster(n_workers=3, threads_per_worker=1, dashboard_address=None) as made:

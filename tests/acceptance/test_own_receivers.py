@@ -11,6 +11,7 @@ import pytest
 import sblcosim
 from distributed import LocalCluster
 from sblcosim.study import study
+from seams import Seam
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "receivers"
 NEEDS = {
@@ -89,7 +90,10 @@ def test_its_random_numbers_follow_from_the_seed(random: str) -> None:
     assert last(seed=3, **own) == last(seed=4, **own) != last(seed=3)
 
 
-def test_a_study_gives_the_same_table_on_any_workers(random: str, tmp_path: Path) -> None:
+def test_a_study_gives_the_same_table_on_any_workers(
+    random: str, tmp_path: Path, seam: Seam
+) -> None:
+    seam.tuned(worker_patience=300)
     made = study.load({
         "name": "own", "scenario": "harbour-square", "replicates": 3,
         "fixed": {"time.duration_s": 4.0}, "receivers": [random, "ekf"],

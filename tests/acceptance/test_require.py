@@ -83,8 +83,9 @@ def test_threads_and_processes_give_the_same_answer(
 
 
 def test_a_dask_cluster_gives_the_same_answer(
-    tmp_path: Path, question: Path, reference: dict[str, bytes]
+    tmp_path: Path, question: Path, reference: dict[str, bytes], seam: Seam
 ) -> None:
+    seam.tuned(worker_patience=300)
     with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as made:
         require.decide(question, tmp_path, scheduler=made.scheduler_address)
     assert written(tmp_path) == reference
