@@ -51,6 +51,7 @@ html_theme = "furo"
 html_title = "sblcosim"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
+html_js_files = ["filter.js"]
 html_copy_source = html_show_sourcelink = False
 html_additional_pages = {"index": "to-the-first-page.html"}
 templates_path = ["_templates"]
@@ -84,6 +85,7 @@ sphinx_gallery_conf = {
     "within_subsection_order": "FileNameSortKey",
     "remove_config_comments": True,
     "min_reported_time": 1_000_000,
+    "thumbnail_size": (680, 480),
     "show_signature": False,
     "write_computation_times": False,
     "abort_on_example_error": True,

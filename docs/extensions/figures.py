@@ -38,7 +38,7 @@ def scraper(
         if line.get_linestyle() == "None" and len(line.get_xdata()) > MOST_POINTS:
             line.set_rasterized(True)
     drawing = svg(axes, light.stem)
-    figure.savefig(thumbnail, dpi=60)
+    figure.savefig(thumbnail, dpi=110)
     light.write_text(drawing, "utf-8")
     dark.write_text(darkened(drawing), "utf-8")
     title = Path(block_vars["src_file"]).read_text("utf-8").splitlines()[1]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -9,6 +10,7 @@ import subprocess
 import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from html import unescape
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -27,6 +29,8 @@ from sblcosim.study.definition import Definition
 from sblcosim.study.tables import ConditionTable, DesignTable, FactorTable
 from shared import shared
 from typer.main import get_command
+
+from .test_browser import BROWSER, browse
 
 pytest.importorskip("sphinx_gallery", reason="needs the extra docs")
 from sphinx.util.inventory import InventoryFile
@@ -149,6 +153,7 @@ def test_the_site_is_built_and_whole(tmp_path: Path, drawn: Path) -> None:
     the_pages_need_nothing_from_elsewhere(site)
     links_within_the_site_lead_somewhere(site)
     formulas_are_typeset_and_lead_to_their_symbols(site)
+    every_page_fits_narrow_and_wide_windows(site)
 
 
 def every_document_is_a_page(site: Site) -> None:
@@ -305,6 +310,55 @@ def formulas_are_typeset_and_lead_to_their_symbols(site: Site) -> None:
     for name in ("models/target/README", "models/receiver/coupled", "orchestrator/limits/README"):
         html = site.pages[site.folder / f"{name}.html"]
         assert sum("SYMBOLS.html#symbol" in link for link in html.links) > 20, name
+
+
+PROBE = """<!DOCTYPE html><title>probe</title><pre id="found"></pre><script>
+const pages = PAGES, found = {};
+const wide = e => e.scrollWidth > e.clientWidth + 1;
+async function look(page, width) {
+  const frame = Object.assign(document.createElement("iframe"), { width, height: 900, src: page });
+  const loaded = new Promise(done => { frame.onload = done; });
+  document.body.append(frame);
+  await loaded;
+  const d = frame.contentDocument, root = d.documentElement;
+  const article = d.querySelector("article").getBoundingClientRect();
+  const scrolls = e => getComputedStyle(e.closest(".table-wrapper") ?? e).overflowX == "auto";
+  found[`${page} ${width}`] = {
+    needed: root.scrollWidth, width: root.clientWidth, height: root.scrollHeight,
+    code: [...d.querySelectorAll("pre")].filter(wide).length,
+    stuck: [...d.querySelectorAll("table")].filter(
+      e => e.getBoundingClientRect().right > article.right + 1 && !scrolls(e)).length,
+    fields: d.querySelectorAll("input.filter").length, article: article.width,
+  };
+  frame.remove();
+}
+addEventListener("load", async () => {
+  for (const page of pages) for (const width of [390, 1400]) await look(page, width);
+  document.getElementById("found").textContent = JSON.stringify(found);
+});
+</script>"""
+
+
+def every_page_fits_narrow_and_wide_windows(site: Site) -> None:
+    if BROWSER is None:
+        return
+    pages = sorted(path.relative_to(site.folder).as_posix() for path in site.pages)
+    pages = [page for page in pages if page.startswith(("docs/", "models/", "orchestrator/"))]
+    assert len(pages) > 60
+    (site.folder / "probe.html").write_text(PROBE.replace("PAGES", json.dumps(pages)), "utf-8")
+    printed, _ = browse(site.folder, "--virtual-time-budget=600000", "--dump-dom", "probe.html")
+    seen = json.loads(unescape(re.findall(r'<pre id="found">(.*?)</pre>', printed, re.DOTALL)[0]))
+    assert len(seen) == 2 * len(pages)
+    for name, it in seen.items():
+        assert it["needed"] <= it["width"], f"{name}: wider than the window"
+        assert it["stuck"] == 0, f"{name}: a table that is cut off"
+        if it["width"] < 400:
+            assert it["code"] == 0, f"{name}: commands that are cut off"
+        elif not name.startswith("docs/made"):
+            assert it["article"] > 750, f"{name}: leaves the width unused"
+    scenario = seen["docs/reference/scenario.html 1400"]
+    assert scenario["fields"] == 1
+    assert scenario["height"] < 21000
 
 
 def test_every_key_of_a_study_is_in_the_reference() -> None:
