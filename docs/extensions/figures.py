@@ -9,11 +9,14 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from sblcosim.report.page import variables
+from sblcosim.report.paper.numbers import facts_of_figure
 from sblcosim.shown import Picture
 from sblcosim.style import THEMES, svg
 
 MOST_POINTS = 2000
 """Points of a cloud that are drawn one by one; more become a picture."""
+STUDIES = ("Pareto", "interactions", "main effects", "residuals")
+"""Words in the titles of the figures of a study."""
 IMAGE = """
 .. container:: figure only-{theme}
 
@@ -43,10 +46,24 @@ def scraper(
     dark.write_text(darkened(drawing), "utf-8")
     title = Path(block_vars["src_file"]).read_text("utf-8").splitlines()[1]
     source = Path(gallery_conf["src_dir"])
-    return "".join(
+    shown = "".join(
         IMAGE.format(path=path.relative_to(source).as_posix(), alt=title, theme=theme)
         for theme, path in (("light", light), ("dark", dark))
     )
+    return shown + (in_the_paper(title) if light.stem.endswith("_001") else "")
+
+
+def in_the_paper(title: str) -> str:
+    """What the paper says at a figure, below ours; and for a study, how to change it."""
+    number = int(title.removeprefix("Figure ").partition(":")[0])
+    facts = facts_of_figure(number)
+    values = [f"{name}: {value:g}" for name, value in facts.get("states", {}).items()]
+    said = "; ".join(filter(None, [facts.get("says", ""), *values]))
+    text = f"\n**In the paper** (section {facts['section']}): {facts['shows']}"
+    text += f". It says: {said}.\n" if said else ". It prints no numbers with it.\n"
+    if any(word in title for word in STUDIES):
+        text += "\n:doc:`Change a level or a factor in a notebook </docs/howto/gallery>`.\n"
+    return text
 
 
 def darkened(drawing: str) -> str:
