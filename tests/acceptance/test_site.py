@@ -217,7 +217,8 @@ def every_command_and_option_is_in_the_reference(site: Site) -> None:
             if not parameter.hidden and parameter.name != "help":
                 typed = [o for o in parameter.opts if o.startswith("-")] or [parameter.metavar]
                 for option in typed:
-                    assert re.search(rf"^\| `[^`]*{re.escape(option)}(?![\w-])", listed, re.M), option
+                    pattern = rf"^\| `[^`]*{re.escape(option)}(?![\w-])"
+                    assert re.search(pattern, listed, re.MULTILINE), option
 
 
 def every_document_of_json_is_in_the_reference(site: Site) -> None:
