@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
+from sblcosim.fmus import files
 
 from .. import artifacts, style
 from ..answer import Answer
@@ -15,6 +17,7 @@ from ..catalogue import Figure, Job, by_name, jobs
 from ..data.description import RunDescription
 from ..data.record import frame_of
 from ..data.truth import of_record
+from ..errors import ConfigurationError
 from ..judge import metrics, possible
 from ..judge.columns import TABLES
 from ..judge.consistency import NEES_COLUMNS, Verdict, of_runs
@@ -37,6 +40,7 @@ if TYPE_CHECKING:
     from .figures.artist import Artist
 
 plots = Module("sblcosim.results.figures.run")
+animation: Any = Module("sblcosim.results.figures.animation")
 MADE = "estimates-"
 """What names of files with estimates that were made after the run begin with."""
 
@@ -319,6 +323,7 @@ class Result(Answer):
         theme: style.ThemeName = "light",
         other: artifacts.Other = "refuse",
         artist: Artist | None = None,
+        animate: bool = False,
     ) -> Path:
         """As `Answer.save`, with the scenario and, if it has a place on Earth, the paths there.
 
@@ -326,13 +331,46 @@ class Result(Answer):
         ----------
         artist
             Draws the figures meanwhile; see `sblcosim.results.figures.artist.forked_artist`.
+        animate
+            Whether to add an animation: ``animation.mp4`` if ffmpeg is available, otherwise
+            ``animation.gif``.
         """
         style.named(theme)
         with artifacts.draft(directory, self.manifest(), other) as draft:
             drawn = self.figures if figures else []
             with drawing(drawn, draft.folder, theme, artist):
                 self._write_tables(draft.folder, directory)
+            if animate:
+                file = draft.folder / f"{animation.NAME}{animation.kind_of()}"
+                animation.write(self.record, self.estimates, file, theme)
         return draft.saved
+
+    def animate(self, file: str | Path, theme: style.ThemeName = "light") -> Path:
+        """Write the run as it happened, in about ten seconds: the map and the errors.
+
+        Parameters
+        ----------
+        file
+            The file to write, ``.gif`` or ``.mp4``; MP4 requires ffmpeg. It appears when it is
+            complete.
+
+        Raises
+        ------
+        ConfigurationError
+            The file cannot be written, or there is no such theme.
+        """
+        target = Path(file)
+        animation.kind_of(target)
+        with TemporaryDirectory() as folder:
+            made = Path(folder, target.name)
+            animation.write(self.record, self.estimates, made, theme)
+            try:
+                files.write_file(target, made.read_bytes())
+            except OSError as error:
+                raise ConfigurationError(
+                    f"animate: must be a file that can be written, got {file} ({error.strerror})"
+                ) from error
+        return target
 
     def _write_tables(self, folder: Path, directory: str | Path) -> None:
         for name, table in self.tables.items():

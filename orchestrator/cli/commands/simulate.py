@@ -73,6 +73,9 @@ def run(
     ] = None,
     step_timeout: StepTimeoutOption = None,
     no_figures: NoFiguresOption = False,
+    animate: Annotated[
+        bool, typer.Option("--animate", help="Add an animation of the run, MP4 or GIF.")
+    ] = False,
     runs: Annotated[
         int | None,
         numeric("--runs", int, "N", "So many, each with the next seed: mean and spread.", low=2),
@@ -95,6 +98,8 @@ def run(
     from ...results.figures.artist import forked_artist
 
     if runs is not None:
+        if animate:
+            raise ConfigurationError("--animate: must be given without --runs")
         settled, name = _settled(scenario, receiver, set_, fmi, seed)
         wanted, other = destination(out, Path("runs", f"{name}-{runs}-runs"), force)
         with waiting() as progress, redirect_stdout(sys.stderr):
@@ -131,7 +136,9 @@ def run(
             progress=progress,
             before=lambda manifest: artifacts.check(wanted, manifest, other),
         )
-        folder = result.save(wanted, figures=not no_figures, other=other, artist=artist)
+        folder = result.save(
+            wanted, figures=not no_figures, other=other, artist=artist, animate=animate
+        )  # fmt: skip
     report(result, folder, wanted, as_json, verbose)
     refuse_silence(result)
 

@@ -67,8 +67,8 @@ def plot_path(
     with use(theme, ax) as look:
         own = ax is None
         truth = recorded(record, "target.position")
-        platform = _Platform(record, truth)
-        limits = _limits(np.vstack([truth, platform.true, platform.reported]), tracks, "xy")
+        platform = Platform(record, truth)
+        limits = limits_of(np.vstack([truth, platform.true, platform.reported]), tracks, "xy")
         apart = own and sum(map(drawing.is_filter, tracks)) > MOST_TOGETHER
         names = [*platform.names, "true path", *([] if apart else tracks)]
         sheet = _Sheet(limits, len(tracks) if apart else 1, drawing.legend_width(names))
@@ -109,10 +109,10 @@ def plot_path_3d(
             projection="3d"
         )
         truth = recorded(record, "target.position")
-        platform = _Platform(record, truth)
-        limits = _limits(np.vstack([truth, platform.true]), tracks, AXES)
+        platform = Platform(record, truth)
+        limits = limits_of(np.vstack([truth, platform.true]), tracks, AXES)
         longest = NARROWEST_3D * max(float(np.ptp(limit)) for limit in limits.values())
-        limits |= {column: _widened(limits[column], longest) for column in ("x_m", "y_m")}
+        limits |= {column: widened(limits[column], longest) for column in ("x_m", "y_m")}
         for number, arm in enumerate(_arms(platform.true)):
             ax.plot(*arm[:, [1, 0, 2]].T, color=look.soft, marker="^", ms=5, markevery=[-1],
                     ls="" if _are_far(platform.true) else "-",
@@ -153,7 +153,7 @@ def plot_path_3d(
     return ax
 
 
-class _Platform:
+class Platform:
     """The platform on a map: mean positions of its beacons [m], true and as reported, (N, 3)."""
 
     def __init__(self, record: Record, truth: Floats) -> None:
@@ -166,6 +166,7 @@ class _Platform:
         extent = np.ptp(np.vstack([truth, self.true])[:, :2], axis=0).max()
         moving = np.abs(beacons - self.true).max() > 0.02 * extent  # more than a marker's size
         self.name = "beacons (mean)" if moving else "beacons"
+        self.is_far = _are_far(self.true)
         self.dotted = not self.is_exact and not _are_far(self.true)
         self.names = [self.name, *(() if self.is_exact else (REPORTED,)),
                       *((CENTRE,) if self.dotted else ())]  # fmt: skip
@@ -202,7 +203,7 @@ def _are_far(beacons: Floats) -> bool:
     return bool(np.abs(beacons - beacons.mean(axis=0)).max() > LONGEST_ARM)
 
 
-def _limits(seen: Floats, tracks: Tracks, axes: Sequence[str]) -> dict[str, tuple[float, float]]:
+def limits_of(seen: Floats, tracks: Tracks, axes: Sequence[str]) -> dict[str, tuple[float, float]]:
     """Limits of each coordinate, by column; estimates reach as far in all directions."""
     reach = float(np.ptp(seen[:, :2], axis=0).max()) / 2
     return {
@@ -210,7 +211,7 @@ def _limits(seen: Floats, tracks: Tracks, axes: Sequence[str]) -> dict[str, tupl
     }
 
 
-def _widened(limits: tuple[float, float], span: float) -> tuple[float, float]:
+def widened(limits: tuple[float, float], span: float) -> tuple[float, float]:
     """Limits that far apart, with the same middle."""
     more = max(span - (limits[1] - limits[0]), 0.0) / 2
     return limits[0] - more, limits[1] + more
@@ -248,8 +249,8 @@ class _Sheet:
         self.high = min(max(self.wide * north / east, self.wide / flattest), tallest)
         self.scale = min(self.wide / east, self.high / north)
         self.limits = {
-            "x_m": _widened(limits["x_m"], self.high / self.scale),
-            "y_m": _widened(limits["y_m"], self.wide / self.scale),
+            "x_m": widened(limits["x_m"], self.high / self.scale),
+            "y_m": widened(limits["y_m"], self.wide / self.scale),
         }
 
     def axes(self) -> list[Axes]:

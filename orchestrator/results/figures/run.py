@@ -61,7 +61,7 @@ def plot_axes(
             limits[column] = drawing.limits(truth[:, i], tracks, axis, least=0.5, whole=main)
             ax.set(ylim=limits[column], ylabel=f"{NAMES[axis]} [m]")
         axes[2].invert_yaxis()
-        _time_axis(axes, record)
+        time_axis(axes, record)
         drawing.finish(
             axes, own, "coordinates over time", drawing.outside(tracks, limits),
             drawing.no_fix(tracks),
@@ -111,7 +111,7 @@ def plot_errors(
             limits[column] = (-top, top)
         since_s = min((t["epoch_s"].min() for t in tracks.values() if len(t)), default=np.inf)
         possible.draw(axes, reference, frame, since_s, look)
-        _time_axis(axes, record)
+        time_axis(axes, record)
         drawing.finish(
             axes,
             own,
@@ -212,16 +212,22 @@ def plot_range_test(
     return axes
 
 
-def _time_axis(axes: Sequence[Axes], record: Record) -> None:
+def time_axis(axes: Sequence[Axes], record: Record) -> None:
     """Make the time axis cover the whole run, in the unit that suits its duration."""
     start, stop = record.time_ns[[0, -1]] / 1e9
     margin = 0.01 * (stop - start)
     for ax in axes:
         ax.set_xlim(start - margin, stop + margin)
-    name, seconds = next(unit for unit in TIMES if stop - start >= unit[2])[:2]
+    name, seconds = unit_of(record)
     axes[-1].set_xlabel(f"Time [{name}]")
     axes[-1].xaxis.set_major_locator(MultipleLocator(_tick(stop - start, seconds)))
     axes[-1].xaxis.set_major_formatter(FuncFormatter(lambda t, _: minus(f"{t / seconds:.10g}")))
+
+
+def unit_of(record: Record) -> tuple[str, float]:
+    """The unit of time that suits a run's duration, and its seconds."""
+    start, stop = record.time_ns[[0, -1]] / 1e9
+    return next(unit for unit in TIMES if stop - start >= unit[2])[:2]
 
 
 def _tick(span_s: float, unit_s: float) -> float:
