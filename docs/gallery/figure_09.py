@@ -3,8 +3,8 @@ Figure 9: the platform in waves
 ===============================
 
 Roll, pitch and yaw of the platform in seas of two heights, 0.2 m (Beaufort 2) and 1.0 m
-(Beaufort 4). The paper prints no angles, and not the amplitudes, frequencies and phases of its
-waves either; ours follow from the wave height.
+(Beaufort 4). The paper prints no angles, nor the amplitudes, frequencies and phases of its
+waves. Ours follow from the wave height.
 """
 
 import sblcosim

@@ -2,8 +2,8 @@
 Figure 12: the path of Scenario 1
 =================================
 
-The true path, a semicircle, from above and in space. Its radius of 15 m is the paper's; its centre
-and where it begins are not given.
+The true path, a semicircle, from above and in space. Its radius of 15 m is the paper's. The
+paper does not give its centre or its first point.
 """
 
 import sblcosim

@@ -4,8 +4,8 @@ Figure 13: true path and estimate, Scenario 1
 
 The coordinates over time along a semicircle: true, and as the paper's filter estimates them.
 
-Of all points of the design, one comes near the Tables 4 to 6 of the paper: small errors of GPS and
-range, long arms, and a ping every 0.1 s. These keys change the shipped scenario to it.
+Only one point of the design is near Tables 4 to 6 of the paper: small errors of GPS and range, long
+arms, and a ping every 0.1 s. These keys change the shipped scenario to this point.
 """
 
 import sblcosim

@@ -5,8 +5,8 @@ Figure 14: errors, Scenario 1
 The filter's errors along x, y and z, and in total, with twice the standard deviation that it
 claims.
 
-Of all points of the design, one comes near the Tables 4 to 6 of the paper: small errors of GPS and
-range, long arms, and a ping every 0.1 s. These keys change the shipped scenario to it.
+Only one point of the design is near Tables 4 to 6 of the paper: small errors of GPS and range, long
+arms, and a ping every 0.1 s. These keys change the shipped scenario to this point.
 """
 
 import sblcosim

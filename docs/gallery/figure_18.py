@@ -2,12 +2,12 @@
 Figure 18: residuals, Scenario 1
 ================================
 
-The residuals of the model: normal probability, histogram, against the fitted values, and in the
-order of the runs.
+The residuals of the model: a normal probability plot, a histogram, and plots against the fitted
+values and the order of the runs.
 
 The study of Scenario 1: seven factors at two levels, all 128 combinations. Here each has 10 runs,
-so that the page is made in seconds; the paper has 50, and so has `sblcosim paper`. What is there
-already is not run again: the pages of Scenario 1 share their runs.
+so that the page is made in seconds. The paper has 50, and so does `sblcosim paper`. Finished runs are
+not repeated: the pages of Scenario 1 share their runs.
 """
 
 import sblcosim

@@ -2,8 +2,8 @@
 Figure 19: the path of Scenario 2
 =================================
 
-The true path, a spiral, from above and in space. Its radius, turns and
-length are not given by the paper.
+The true path, a spiral, from above and in space. The paper does not give its
+radius, turns and length.
 """
 
 import sblcosim

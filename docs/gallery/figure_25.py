@@ -2,8 +2,8 @@
 Figure 25: the path of Scenario 3
 =================================
 
-The true path in space: straight legs of random lengths and directions. How the paper draws its
-random path is not given.
+The true path in space: straight legs of random lengths and directions. The paper does not say
+how it draws its random path.
 """
 
 import sblcosim
