@@ -281,7 +281,7 @@ def _json_type(said: Mapping[str, Any]) -> str:
 
 
 def columns(name: str) -> Iterator[str]:
-    """Markdown of the columns of a table; those of which the same is said share the last's row."""
+    """Markdown of the columns of a table; columns with equal descriptions share a row."""
     module, _, name = name.rpartition(".")
     declared = getattr(import_module(module), name)
     alike: dict[tuple[str, str], list[str]] = {}

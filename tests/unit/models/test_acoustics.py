@@ -310,7 +310,7 @@ def test_schedules_are_of_all_beacons_and_a_packet_says_something() -> None:
         for beacons in range(3, 9):
             assert 1 <= it.together(beacons) <= beacons
             assert it.ordered or it.together(beacons) == beacons
-    with pytest.raises(ValueError, match="must have beacons or a pose, got none"):
+    with pytest.raises(ValueError, match="must have beacons or a pose, got neither"):
         Content(9, "nothing", "none")
 
 
