@@ -10,19 +10,19 @@ from ..words.lists import counted
 from ..words.numbers import meters_at_most
 
 SHARE = 0.95
-"""Of the estimates."""
+"""Share of the estimates that the sentence is about."""
 CERTAIN = 2.0
-"""Standard errors by which the sentence's length is more than the estimated one."""
+"""Standard errors that the sentence adds to the estimated length."""
 LEAST_RUNS = ceil(log(1 - SHARE) / log(SHARE))
-"""Runs of which, with 95 % confidence, one at least is beyond what 95 % of all runs are within: 59.
-From fewer, no bound is known that assumes nothing of the runs."""
+"""Runs from which, with 95 % confidence, at least one exceeds the 95th percentile of all runs: 59.
+With fewer, there is no bound that assumes nothing about the runs."""
 _KINDS = {
     "absolute_total": "",
     "absolute_horizontal": " horizontally",
     "relative_total": " relative to the platform",
     "relative_horizontal": " relative to the platform, horizontally",
 }
-"""Errors of a length, behind it."""
+"""What follows the length, by kind of error."""
 
 
 def sentence(
@@ -33,15 +33,15 @@ def sentence(
     Parameters
     ----------
     bound_m
-        What 95 % of the lengths are within: the estimate and `CERTAIN` standard errors [m].
+        Radius that holds 95 % of the estimates, plus `CERTAIN` standard errors [m].
     where
         Distance and depth, in words.
     scenario
-        Names the conditions.
+        The scenario, for the conditions.
     runs
-        How many there were, in words.
+        The number of runs, in words.
     error
-        Which length, of `sblcosim.simulation.masters.lanes_driver.LENGTHS`.
+        Kind of length, from `sblcosim.simulation.masters.lanes_driver.LENGTHS`.
     """
     parts = [where, *conditions(scenario), runs]
     return (
@@ -51,7 +51,7 @@ def sentence(
 
 
 def too_few(runs: int, where: str = "", least: int = LEAST_RUNS) -> str:
-    """That there is no sentence from so few runs."""
+    """The sentence that says how many more runs are needed."""
     more = f"{least} are needed, {least - runs} more"
     return f"no data-sheet sentence from {counted(runs, 'run')}{where}: {more}"
 
@@ -60,4 +60,4 @@ NOTE = (
     "the data-sheet sentence has the 95 % error plus two standard errors, rounded up; it includes "
     "lost runs"
 )
-"""What its length is."""
+"""What the length in the sentence includes."""

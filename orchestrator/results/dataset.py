@@ -1,19 +1,19 @@
 """A run as one xarray Dataset: all outputs by time, all errors by epoch, with units.
 
-What is in it, by dimension:
+Its contents, by dimension:
 
-- ``time``: the communication instants. An output ``target.position`` is ``target_position``; the
-  outputs that our receivers can have are stacked along ``receiver``, as ``receiver_position``; any
-  other output of a receiver has its label, ``mine_bias``.
-- ``epoch``: the times to which estimates belong, of all receivers together. ``estimate``, ``error``
-  and so on are those of `sblcosim.judge.metrics.track`; ``frame`` is what an error is relative
-  to. Of several estimates of a receiver for one epoch, the last is here.
+- ``time``: the communication instants. An output ``target.position`` is ``target_position``. The
+  outputs that our receivers can have are stacked along ``receiver``, as ``receiver_position``. Any
+  other output of a receiver has its label, as in ``mine_bias``.
+- ``epoch``: the times to which estimates belong, for all receivers together. ``estimate``,
+  ``error`` and the like are those of `sblcosim.judge.metrics.track`. ``frame`` is what an error
+  is relative to. If a receiver has several estimates for one epoch, the last one is kept.
 - ``axis`` (x, y, z: north, east, down), ``angle`` (roll, pitch, yaw), ``beacon`` (1 to N), and
   ``state``, the order of covariances.
 
-Missing is NaN: where a receiver has no such output, or no estimate for an epoch. Whole numbers and
-flags that are missing for some receiver become floats for that. Times are seconds since the start
-of the simulated clock, as floats, so there is no NaT. Outputs are as recorded: before its first
+NaN means missing: the receiver has no such output, or no estimate for an epoch. Integers and
+flags that are missing for some receiver are therefore floats. Times are seconds since the start of
+the simulated clock, as floats, so there is no NaT. Outputs are as recorded: before its first
 estimate a receiver's position is 0, and ``receiver_valid`` says so.
 """
 
@@ -62,7 +62,7 @@ _PORTS = {v.name: v for v in (*ESTIMATE, *SYSTEM)}
 def dataset(
     description: RunDescription, record: Record, tracks: Mapping[str, pd.DataFrame]
 ) -> xr.Dataset:
-    """Everything of a run; the text of this module says what and how.
+    """Everything about a run; the docstring of this module lists the contents.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def dataset(
     variables: dict[str, Any] = {}
     for parts in (_outputs(record, tracks), _ports(record, tracks), _judged(tracks, epochs)):
         for name, part in parts:
-            while name in variables:  # a label may end as a name of ours begins
+            while name in variables:  # a label may end as one of our names begins
                 name += "_"
             variables[name] = part
     sizes = {
@@ -114,14 +114,14 @@ def _about(words: str, unit: str | None = None) -> dict[str, str]:
 
 
 def _outputs(record: Record, receivers: Mapping[str, Any]) -> _Parts:
-    """The outputs of all components; of receivers, those that only they have."""
+    """The outputs of all components; for receivers, those that only they have."""
     for name, values in record.values.items():
         owner, _, output = name.partition(".")
         if owner in receivers and output in _PORTS:
             continue
         component = COMPONENTS.get(owner)
         declared = {v.name: v for v in component or ()}.get(output)
-        full = f"{owner}_{output}".replace("/", "_")  # netCDF has no names with it
+        full = f"{owner}_{output}".replace("/", "_")  # netCDF allows no slash in names
         yield full, _part(full, ("time",), values, declared)
 
 
@@ -139,7 +139,7 @@ def _ports(record: Record, receivers: Mapping[str, Any]) -> _Parts:
 def _part(
     name: str, before: tuple[str, ...], values: Array, declared: Variable | None
 ) -> tuple[tuple[str, ...], Array, dict[str, str]]:
-    """A variable: known dimensions where it is declared, else dimensions of its own."""
+    """A variable, with known dimensions where it is declared, else with its own."""
     shape = values.shape[len(before) :]
     if declared is None or not _fits(declared.shape, shape):
         return (*before, *(f"{name}_{i + 1}" for i in range(len(shape)))), values, {}
@@ -154,7 +154,7 @@ def _part(
 
 
 def _fits(declared: tuple[int, ...], shape: tuple[int, ...]) -> bool:
-    """Whether an array is as declared, but for the number of beacons, and of known dimensions."""
+    """Whether an array has the declared shape (any number of beacons) and known dimensions."""
     return len(declared) == len(shape) and all(
         isinstance(n, Dimension) or (n == size and n in _SIZES)
         for n, size in zip(declared, shape, strict=True)
@@ -168,7 +168,7 @@ def _unit(declared: Variable) -> str | None:
 
 
 def _judged(tracks: Mapping[str, pd.DataFrame], epochs: Array) -> _Parts:
-    """The estimates and their errors, at the epochs of all receivers; nothing without receivers."""
+    """The estimates and their errors, at the epochs of all receivers; empty without receivers."""
     if not tracks:
         return
     at = {
@@ -189,7 +189,7 @@ def _judged(tracks: Mapping[str, pd.DataFrame], epochs: Array) -> _Parts:
     here, axes = ("receiver", "epoch"), tuple(f"_{axis}_m" for axis in AXES)
     whole = stacked(*(f"true{axis}" for axis in axes))
     true = np.full(whole.shape[1:], np.nan)
-    for own in whole:  # the same for all who have an estimate there
+    for own in whole:  # the same for all receivers with an estimate there
         true = np.where(np.isnan(true), own, true)
     yield "true_position", (("epoch", "axis"), true, _about("True position, NED", "m"))
     yield "estimate", (

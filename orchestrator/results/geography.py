@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
 GEOJSON, GPX = "path.geojson", "path.gpx"
 MOST_POINTS = 10_000
-"""Of a path: longer ones are written at every second instant, every third, and so on."""
+"""Most points of a path. Longer paths are written at every second instant, every third, etc."""
 START = datetime(1970, 1, 1, tzinfo=UTC)
-"""What GPX says of the start of the run, as its points have times of a clock."""
+"""Time that GPX gives for the start of the run, because its points need clock times."""
 TRUTH = "truth"
 
 Path_ = tuple[str, Floats, Floats]
@@ -33,14 +33,14 @@ def write(
 ) -> None:
     """Write the true path of a run and the receivers' estimates of it.
 
-    Heights are above the ellipsoid in GeoJSON, and minus the depth in GPX.
+    Heights are above the ellipsoid in GeoJSON, and the negative depth in GPX.
 
     Parameters
     ----------
     folder
-        Where ``path.geojson`` and ``path.gpx`` appear.
+        Folder of ``path.geojson`` and ``path.gpx``.
     origin
-        Of north, east and down.
+        Origin of north, east and down.
     """
     paths = [*_paths(origin, record, estimates)]
     content = {"type": "FeatureCollection", "features": [_feature(origin, *p) for p in paths]}

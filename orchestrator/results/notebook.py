@@ -18,7 +18,7 @@ _HEADS = {
     "relative": "relative to the platform, as it reports",
     "own_relative": "relative, by own account",
 }
-"""Of frames in the first table; the folded ones have `definitions.FRAME_WORDS`."""
+"""Names of the frames in the first table; the folded ones use `definitions.FRAME_WORDS`."""
 
 
 def gist(result: text.ToldResult) -> str:
@@ -36,7 +36,7 @@ def gist(result: text.ToldResult) -> str:
 
 
 def page(result: text.ToldResult) -> str:
-    """HTML: the verdicts and a row for each receiver; the tables and explanations are folded."""
+    """HTML: the verdicts and a row for each receiver; tables and explanations are folded."""
     about = [text.about(result, name) for name in result.receivers]
     parts = (*about, [text.WITHIN, *text.notes(result)])
     words = "\n\n".join("\n".join(part) for part in parts)

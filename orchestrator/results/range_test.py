@@ -6,7 +6,7 @@ from ..data.tables import Columns, TableColumn
 
 RANGE_TEST = Columns(
     "RangeTest",
-    "The ranges of one distance.",
+    "The ranges measured at one distance.",
     (),
     (
         TableColumn("distance_m", "True distance.", "m", type=float),

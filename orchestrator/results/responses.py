@@ -97,13 +97,13 @@ class Response:
     name
         Second part of the column name, after the receiver. A suffix ``_m`` or ``_s`` is its unit.
     words
-        Description for display.
+        Description to display.
     definition
         Function of a `Run`; NaN where the number does not exist.
     shipped
         Whether it is one of `RESPONSES`.
     needs
-        Optional output that a receiver must have for it, or an empty string.
+        Optional output of the receiver that it needs, or an empty string.
     origin, sha256
         For a user's function: its origin, and the hash of its source.
     """
@@ -126,7 +126,7 @@ class Response:
 
     @property
     def in_lanes(self) -> bool:
-        """Whether the lanes master has it, so that it needs no record."""
+        """Whether the lanes master computes it, so that it needs no record."""
         return False
 
     @property
@@ -139,7 +139,7 @@ class Response:
             return _of_name, (self.name,)
         if isinstance(self.definition, InFile):
             return _of_file, (self.definition, self.name, self.origin, self.sha256)
-        # By value: a worker may have neither the file nor the module.
+        # By value: a worker may lack both the file and the module.
         return _unpacked, (by_value(self.definition), self.name, self.origin, self.sha256)
 
     def __repr__(self) -> str:
@@ -179,20 +179,20 @@ class Percentile(Response):
 
 
 _SIGNED = ("_x_mean_m", "_y_mean_m", "_z_mean_m")
-"""Ends of the names of responses that can be negative."""
+"""Suffixes of responses that can be negative."""
 _OF_NONE = ("inconsistent", "lost", "broken")
-"""Responses of which 0 is the best that a run can have, and often has."""
+"""Responses whose best value is 0, which runs often have."""
 
 
 def check_limit(where: str, limit: float, response: str) -> None:
-    """Refuse a limit that no run could be within.
+    """Refuse a limit that no run could keep.
 
     Parameters
     ----------
     where
-        What the message begins with.
+        Beginning of the message.
     response
-        Name of a response; of one that is not in `RESPONSES` nothing is known.
+        Name of a response. Nothing is known of one that is not in `RESPONSES`.
 
     Raises
     ------
@@ -222,7 +222,7 @@ def _mean(values: Floats) -> float:
 
 
 def _errors(frame: str, run: Run) -> tuple[Floats, Floats]:
-    """Errors by axis [m], and their squared lengths [m²]; none if the receiver has no such."""
+    """Errors by axis [m], and their squared lengths [m²]; empty if it has none."""
     return errors_of(run.used).get(frame, (np.empty((0, 3)), np.empty(0)))
 
 
@@ -325,7 +325,7 @@ _BESIDE = {
     "relative": " relative to the platform as it reports itself",
     "own_relative": " relative to the platform's true position",
 }
-"""What is said of an error in a frame."""
+"""What follows the name of an error, by frame."""
 
 
 def _percentiles(lengths: Iterable[str]) -> Iterator[Response]:
@@ -335,7 +335,7 @@ def _percentiles(lengths: Iterable[str]) -> Iterator[Response]:
 
 
 def _defined() -> Iterator[Response]:
-    """Responses that need a record: runs with one of them do not go through lanes."""
+    """Responses that need a record: runs with one of them do not use lanes."""
     yield from (Response(*row) for row in rows("RESPONSES"))
     yield from _percentiles(("own_relative_horizontal", "own_relative_total"))
 
@@ -387,12 +387,12 @@ def readable(name: str) -> str:
 
 
 def defined(column: str) -> list[str]:
-    """What a response is, in sentences for people, where its words do not say it.
+    """Definition of a response in sentences for people, where its name is not enough.
 
     Parameters
     ----------
     column
-        Of a table of runs, with or without a receiver.
+        Column of a table of runs, with or without a receiver.
     """
     name = column.rpartition(".")[2]
     if isinstance(RESPONSES.get(name), Percentile):

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 plots = Module("sblcosim.results.figures.run")
 animation: Any = Module("sblcosim.results.figures.animation")
 MADE = "estimates-"
-"""What names of files with estimates that were made after the run begin with."""
+"""Prefix of the names of files with estimates that were made after the run."""
 
 FIGURES: Mapping[str, Figure[Result]] = by_name(
     Figure("path_xy", plots.later("plot_path"), lambda run: (run.record, run.estimates)),
@@ -69,12 +69,12 @@ class Result(Answer):
     update_interval_ns
         Update interval of the receivers [ns]; without it, ``update_share`` in `summary` is NaN.
     failures
-        Messages of receivers that have failed, by label. Those without a record failed before the
-        end, and are not in `receivers`; the others failed after it.
+        Messages of receivers that failed, by label. Those without a record failed before the end,
+        and are not in `receivers`. The others failed after it.
     made
         Estimates that were made after the run, by label.
     judged
-        The estimates with the truth, where they have been compared with it already.
+        The estimates with the truth, if they have been compared already.
 
     Attributes
     ----------
@@ -144,7 +144,7 @@ class Result(Answer):
 
     @property
     def remarks(self) -> Sequence[str]:
-        """Remarks on the run, in sentences."""
+        """Remarks on the run, as sentences."""
         return self.description.remarks
 
     @cached_property
@@ -192,8 +192,7 @@ class Result(Answer):
     def summary(self) -> pd.DataFrame:
         """Availability, NEES, NIS and flags of each receiver (see `metrics.summary`).
 
-        If receivers have failed, there is a row for each of them, and a column ``failure`` with the
-        messages.
+        A receiver that failed has a row too. In that case a column ``failure`` holds the messages.
         """
         if not self.failures:
             return self._judged
@@ -210,9 +209,9 @@ class Result(Answer):
 
     @cached_property
     def consistency(self) -> dict[str, dict[str, Verdict]]:
-        """What this one run says of the covariances, by receiver and frame.
+        """What this one run says about the covariances, by receiver and frame.
 
-        See `sblcosim.judge.consistency`; of several runs, a study says more.
+        See `sblcosim.judge.consistency`. A study of several runs says more.
         """
         nees = {name: self._judged[column].astype(float) for name, column in NEES_COLUMNS.items()}
         return {
@@ -226,14 +225,14 @@ class Result(Answer):
 
     @cached_property
     def limits(self) -> Limits | None:
-        """What was possible in this run; None unless all but the receivers are our components."""
+        """What was possible in this run; None if components other than receivers are not ours."""
         return possible.limits_of(self.description, self.record, self._epochs_ns())
 
     @cached_property
     def verdicts(self) -> dict[str, Possible]:
         """What was possible at the epochs of each receiver's estimates; empty without `limits`.
 
-        Not of one that looks back, as a smoother does: it knows more than was received till then.
+        A receiver that looks back, such as a smoother, is left out: it uses later measurements.
         """
         epochs = self._epochs_ns()
         told = [r for r in self.receivers if not self.origins.get(r, {}).get("looks_back")]
@@ -244,7 +243,7 @@ class Result(Answer):
 
     @property
     def problems(self) -> list[str]:
-        """A line for each receiver, except the raw fix, that has failed or has no estimate."""
+        """A line for each receiver that failed or has no estimate, except the raw fix."""
         return [*self.failures.values()] + [
             f"{receiver}: must give at least one estimate, got none; {text.silence(self, receiver)}"
             for receiver in self.receivers
@@ -294,12 +293,12 @@ class Result(Answer):
 
     @property
     def answer(self) -> str:
-        """A verdict for each receiver, a line each."""
+        """A verdict for each receiver, one line each."""
         return "\n".join(text.verdicts(self))
 
     @property
     def tables(self) -> dict[str, pd.DataFrame]:
-        """All that a run has: the record, the estimates, and what is said of them."""
+        """All parts of a run: the record, the estimates, and their evaluation."""
         each = [table.assign(receiver=name) for name, table in self.estimates.items()]
         estimates = pd.concat(each, ignore_index=True)
         estimates.insert(0, "receiver", estimates.pop("receiver"))
@@ -312,7 +311,7 @@ class Result(Answer):
 
     @property
     def figures(self) -> list[Job]:
-        """Those that this run has."""
+        """The figures that this run has."""
         return jobs(FIGURES, self)
 
     def save(
@@ -325,12 +324,13 @@ class Result(Answer):
         artist: Artist | None = None,
         animate: bool = False,
     ) -> Path:
-        """As `Answer.save`, with the scenario and, if it has a place on Earth, the paths there.
+        """Like `Answer.save`, with the scenario and, if it has a place on Earth, the paths there.
 
         Parameters
         ----------
         artist
-            Draws the figures meanwhile; see `sblcosim.results.figures.artist.forked_artist`.
+            Process that draws the figures meanwhile; see
+            `sblcosim.results.figures.artist.forked_artist`.
         animate
             Whether to add an animation: ``animation.mp4`` if ffmpeg is available, otherwise
             ``animation.gif``.
@@ -397,7 +397,7 @@ class Result(Answer):
         return f"# The receiver of the run, {python}, was in Python; [receiver] is another.\n{file}"
 
     def manifest(self) -> dict[str, Any]:
-        """What was run."""
+        """What was run, as plain data."""
         about = self.description.manifest()
         return {**about, "failures": self.failures} if self.failures else about
 
@@ -427,8 +427,8 @@ class Result(Answer):
         Parameters
         ----------
         verbose
-            With the errors by axis and all percentages, availability, NEES and NIS of each
-            receiver, and what all these numbers mean.
+            Add the errors by axis and all percentages, availability, NEES and NIS of each receiver,
+            and explanations of these numbers.
         width
             Columns to fit into; None: sentences are not wrapped.
         """
@@ -442,7 +442,7 @@ class Result(Answer):
 
 
 def _nested(table: pd.DataFrame) -> dict[str, Any]:
-    """Rows by the names of their index, one inside the other."""
+    """Rows nested by the names of their index."""
     nested: dict[str, Any] = {}
     for row in table.reset_index().to_dict(orient="records"):
         *outer, last = (row.pop(name) for name in table.index.names)

@@ -34,17 +34,17 @@ def responses(sums: Floats, duration_ns: int | NDArray[np.int64]) -> pd.DataFram
     sums
         Shape (runs, len(SUMS)).
     duration_ns
-        Length of the runs [ns]: one for all, or one per run.
+        Length of the runs [ns]: one for all, or one for each run.
 
     Returns
     -------
     DataFrame
         ``estimates``; for each frame ``{frame}_{axis}_{mean,rms}_m`` (the mean is signed for an
-        axis, of the length of the error for ``total``; NaN without own relative errors);
-        ``nees_position`` and ``nis`` (time means,
-        NaN if there are none), ``nis_degrees`` (total), ``availability``, ``updates``,
-        ``inconsistent`` (missing without any NEES), ``lost``, ``broken``: whether any estimate is
-        broken, and ``own_relative_nees_{position,estimates}``; see `sblcosim.judge.definitions`.
+        axis, and the mean length of the error for ``total``; NaN without own relative errors);
+        ``nees_position`` and ``nis`` (time means, NaN if there are none), ``nis_degrees`` (total),
+        ``availability``, ``updates``, ``inconsistent`` (missing without any NEES), ``lost``,
+        ``broken`` (whether any estimate is broken), and ``own_relative_nees_{position,estimates}``;
+        see `sblcosim.judge.definitions`.
     """
     s: Mapping[str, Floats] = dict(zip(SUMS, sums.T, strict=True))
     columns: dict[str, Any] = {"estimates": s["estimates"].astype(np.int64)}
@@ -82,7 +82,7 @@ def sums_of(run: Run) -> Floats:
     Parameters
     ----------
     run
-        Its record contains `sblcosim.data.truth.TRUTH` and the receiver's `PORTS`.
+        The run; its record contains `sblcosim.data.truth.TRUTH` and the receiver's `PORTS`.
 
     Returns
     -------

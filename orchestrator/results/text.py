@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 class ToldResult(Protocol):
-    """What is told of a `sblcosim.Result`."""
+    """What the texts need of a `sblcosim.Result`."""
 
     record: Record
     receivers: tuple[str, ...]
@@ -60,22 +60,22 @@ _HEADS = {
     "relative": ("relative to the platform", "as it reports itself"),
     "own_relative": ("relative to the platform's", "true position, own account"),
 }
-"""The frames in two lines; `definitions.FRAME_WORDS` fits into no column."""
+"""Headings of the frames in two lines; `definitions.FRAME_WORDS` fits into no column."""
 _SHORT = {"absolute": "absolute", "relative": "relative", "own_relative": "own relative"}
-"""Heads of the small table."""
+"""Headings of the small table."""
 _MEANS = {"relative": "to the platform as it reports itself",
           "own_relative": "to its true position, by own account"}
-"""What they mean, in the line below it."""
+"""Meaning of these headings, for the line below the table."""
 DIFFERENT = 0.01
-"""Part by which the horizontal error differs from the total one where both are told."""
+"""Relative difference from which both the horizontal and the total error are shown."""
 _GAP = "  "
 _LONGEST_LABEL = 16
-"""Of a receiver that stands in the line of its first row; a longer one has a line of its own."""
+"""Longest label in the line of its first row; a longer one has a separate line."""
 _SURE = "optimistic"
-"""What `Verdict.claim` says of a covariance that one run is enough to distrust."""
+"""The `Verdict.claim` for a covariance that one run is enough to distrust."""
 _FEW = 10
-"""Fewer estimates than this are said with their number, if most updates gave none."""
-_ONE_RUN = "Whether a covariance is right, one run cannot tell; a study can."
+"""With fewer estimates than this, their number is shown if most updates gave none."""
+_ONE_RUN = "One run cannot tell whether a covariance is right. A study can."
 _CONSISTENCY = {one.name: one.words for one in CHI_SQUARES}
 _VERDICTS = {
     "optimistic": "optimistic, errors larger than claimed",
@@ -85,7 +85,7 @@ WITHIN = (
     "95 % within, and the other percentages: order statistics, of n errors the one of rank 0.95 n, "
     "rounded up."
 )
-"""What the percentages are, for people."""
+"""Definition of the percentages, for people."""
 _NOTES = (
     "x, y, z are north, east, down; error = estimate − truth; total = length of the 3-D error.",
     "Relative to the platform as it reports itself: less the mean beacon error (reported − true) "
@@ -94,19 +94,19 @@ _NOTES = (
 _OWN_NOTES = (
     "Relative to the platform's true position, by the receiver's own account: its "
     "relative_position against the truth.",
-    "Own relative NEES is of that error, and of the relative_covariance beside it.",
+    "Own relative NEES is of that error, with the relative_covariance.",
 )
-_RAW_NOTE = "raw is the multilateration fix without a filter, always run for comparison."
+_RAW_NOTE = "raw is the multilateration fix without a filter. Every run includes it for comparison."
 _CLAIM_NOTE = (
-    "A receiver claims the RMS error that its covariance expects; whether that fits is judged by "
-    "NEES. Not to be trusted is what even an error that stays throughout a run would exceed in 1 "
-    "run of 20 only."
+    "A receiver claims the RMS error that its covariance expects. NEES shows whether the claim "
+    "fits. 'Do not trust' means: even if errors persisted throughout a run, a correct covariance "
+    "would give such a NEES in only 1 run of 20."
 )
 _CONSISTENCY_NOTES = (
-    "NEES and NIS are errors and innovations, squared and in units of the filter's own covariance.",
-    "NEES is of the absolute error, so an error of GPS common to all beacons counts; relative NEES "
+    "NEES and NIS are squared errors and innovations, in units of the filter's own covariance.",
+    "NEES is of the absolute error, so a GPS error common to all beacons counts. Relative NEES "
     "leaves it out.",
-    "95 % is for independent samples; the errors of one run follow each other, so even a "
+    "The 95 % band is for independent samples. Errors within one run are correlated, so even a "
     "consistent filter leaves the band more often. A test takes the mean over many runs.",
 )
 
@@ -117,8 +117,8 @@ def of_run(result: ToldResult, verbose: bool = False, width: int | None = None) 
     Parameters
     ----------
     verbose
-        With the errors by axis and all percentages in place of the small table, availability, NEES
-        and NIS of each receiver, and what all these numbers mean.
+        Replace the small table by the errors by axis and all percentages, and add availability,
+        NEES and NIS of each receiver, and explanations of these numbers.
     width
         Columns of the terminal; None: sentences are not wrapped.
     """
@@ -144,7 +144,7 @@ def of_run(result: ToldResult, verbose: bool = False, width: int | None = None) 
 def overview(result: ToldResult, width: int = WIDTH) -> Iterator[str]:
     """RMS and 95 % of each receiver's total error [m], in columns for each frame.
 
-    And of the horizontal error, if it is `DIFFERENT` in any frame.
+    The horizontal error is included if it is `DIFFERENT` in any frame.
     """
     frames = frames_in(result.errors)
     rows: list[tuple[str, list[float]]] = []
@@ -183,7 +183,7 @@ def _reached(result: ToldResult, receiver: str, frame: str, length: str) -> tupl
 
 
 def verdicts(result: ToldResult) -> Iterator[str]:
-    """What came out: a line for each receiver, what was possible, and remarks on the run."""
+    """The outcome: a line for each receiver, what was possible, and remarks on the run."""
     for receiver in result.receivers:
         yield f"{receiver}: {_verdict(result, receiver)}"
     for message in result.failures.values():
@@ -212,7 +212,7 @@ def _verdict(result: ToldResult, receiver: str) -> str:
 
 
 def _claim(result: ToldResult, receiver: str) -> str:
-    """What a receiver says of its own error, and whether to believe it, unless it is lost."""
+    """The error that a receiver claims, and whether to believe it, unless it is lost."""
     judged: Verdict | None = result.consistency[receiver].get("absolute")
     if judged is None:
         return _without_covariance(result, receiver)
@@ -226,7 +226,7 @@ def _claim(result: ToldResult, receiver: str) -> str:
         return f"claims {meters(said)}"
     elif judged.claim == "fits":
         trust = "looks right"
-    else:  # the length may be right, and yet the errors lie where the covariance has little
+    else:  # the length may be right although the errors lie where the covariance has little
         fits = (said < reached) == (judged.factor > 1)
         trust = judged.claim if fits else f"{judged.claim} in some direction"
     return f"claims {meters(said)}: {trust}"
@@ -238,13 +238,13 @@ def _without_covariance(result: ToldResult, receiver: str) -> str:
 
 
 def frames_in(table: pd.DataFrame) -> list[str]:
-    """The frames that a table of errors or percentiles has rows of."""
+    """The frames with rows in a table of errors or percentiles."""
     there = set(table.index.get_level_values("frame"))
     return [frame for frame in FRAMES if frame in there or frame != "own_relative"]
 
 
 def errors(table: pd.DataFrame, receivers: Sequence[str], width: int = WIDTH) -> Iterator[str]:
-    """The lines of `metrics.error_table`; frames that do not fit beside each other follow.
+    """The lines of `metrics.error_table`. Frames that do not fit side by side follow below.
 
     Parameters
     ----------
@@ -264,7 +264,7 @@ def percentiles(
 def _blocks(
     declared: Columns, table: pd.DataFrame, receivers: Sequence[str], least: int, width: int
 ) -> Iterator[str]:
-    """A table for as many frames as fit beside each other, then one for the next.
+    """A table for as many frames as fit side by side, then one for the next.
 
     Parameters
     ----------

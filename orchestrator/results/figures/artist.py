@@ -1,8 +1,8 @@
 """Figures drawn by other processes, while this one simulates and writes tables.
 
-Matplotlib takes long to import, so the process that draws is forked first of all: it imports what
-figures need while its parent imports and does the rest, and gets the data by a socket. At that time
-there are no threads yet, with which a fork would not be safe.
+Matplotlib takes long to import. The process that draws is therefore forked first: it imports what
+figures need while its parent does the rest, and receives the data through a socket. At that time
+there are no threads yet, which would make a fork unsafe.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class Artist:
-    """A process that draws when it is told what, once; its parent's side."""
+    """A process that draws once, when told what to draw; the parent's side."""
 
     def __init__(self, process: int, line: socket.socket) -> None:
         self._process = process
@@ -36,7 +36,7 @@ class Artist:
             pickle.dump((jobs, folder, theme), orders, pickle.HIGHEST_PROTOCOL)
 
     def has_drawn(self) -> bool:
-        """Wait for its end; whether all figures are there, and without a warning."""
+        """Wait for its end; returns whether all figures were drawn without a warning."""
         status = os.waitpid(self._process, 0)[1]
         if status == 0:
             self._process = 0
@@ -45,10 +45,10 @@ class Artist:
     def end(self) -> None:
         """End it and its fork, whatever they are doing."""
         if self._process:
-            with suppress(OSError):  # none of them lives
+            with suppress(OSError):  # both have ended already
                 os.killpg(self._process, signal.SIGKILL)
             with suppress(OSError):
-                self._line.recv(1)  # nothing but the end, when both have ended
+                self._line.recv(1)  # nothing but the end of the stream, once both have ended
             with suppress(ChildProcessError):
                 os.waitpid(self._process, 0)
             self._process = 0
@@ -57,7 +57,7 @@ class Artist:
 
 @contextmanager
 def forked_artist(wanted: bool = True) -> Iterator[Artist | None]:
-    """A process that gets ready to draw while the body of the statement makes something to draw.
+    """A process that prepares to draw while the body of the statement makes the data.
 
     None if it is not wanted or would not help: without fork (Windows), in a program with threads,
     on one processor.
@@ -76,7 +76,7 @@ def forked_artist(wanted: bool = True) -> Iterator[Artist | None]:
             code = 0
         finally:
             os._exit(code)
-    # A group of its own: Ctrl-C is for this process, which then ends all of the group.
+    # A separate group: Ctrl-C goes to this process, which then ends the whole group.
     os.setpgid(process, process)
     there.close()
     artist = Artist(process, here)
@@ -87,7 +87,7 @@ def forked_artist(wanted: bool = True) -> Iterator[Artist | None]:
 
 
 def _draw(line: socket.socket) -> None:
-    """Draw what is ordered, with a fork once all is imported."""
+    """Draw what is ordered, with a fork once everything is imported."""
     for kind in (signal.SIGINT, signal.SIGTERM):
         signal.signal(kind, signal.SIG_DFL)
     from matplotlib.backends import backend_agg, backend_svg  # noqa: F401
@@ -102,7 +102,7 @@ def _draw(line: socket.socket) -> None:
     other = os.fork()
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        while number := os.read(numbers, 1):  # a byte goes to one process
+        while number := os.read(numbers, 1):  # each byte goes to one process
             jobs[number[0]].save(folder, theme)
     if other and os.waitpid(other, 0)[1] != 0:
         raise ChildProcessError
@@ -112,9 +112,11 @@ def _draw(line: socket.socket) -> None:
 def drawing(
     jobs: Sequence[Job], folder: Path, theme: ThemeName = "light", artist: Artist | None = None
 ) -> Iterator[None]:
-    """Write figures into a folder: by an artist while the body of the statement runs, or after it.
+    """Write figures into a folder: by an artist while the body of the statement runs, or
+    afterwards.
 
-    If the artist could not draw something, or not without a warning, all is drawn again here.
+    If the artist could not draw something, or not without a warning, everything is drawn again
+    here.
     """
     if artist is None or not jobs:
         yield
@@ -125,6 +127,6 @@ def drawing(
             if artist.has_drawn():
                 return
         finally:
-            artist.end()  # before the folder goes
+            artist.end()  # before the folder is removed
     for job in jobs:
         job.save(folder, theme)

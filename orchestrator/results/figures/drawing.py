@@ -1,8 +1,8 @@
 """What the figures of a run share: lines of receivers, limits, titles, legends and margins.
 
-Our own figures have margins in inches: all that lies outside of the axes is known beforehand, and
-a layout that measures every label twice takes as long as drawing. All are equally wide, so that
-type has one size where they are shown at one width.
+Our own figures have margins in inches. Everything outside the axes is known beforehand, and a
+layout that measures every label twice takes as long as drawing. All figures have one width, so
+that type has one size when they are shown at one width.
 """
 
 from __future__ import annotations
@@ -36,28 +36,28 @@ FIXES = (RAW, "multilateration")
 LEFT, RIGHT, BOTTOM = 0.72, 0.12, 0.5
 """Margins for the labels of axes [inch]."""
 GAP = 0.12
-"""Between panels, and between a legend and what is below it [inch]."""
+"""Gap between panels, and below a legend [inch]."""
 WIDTH = 7.2
-"""Width of a figure, but for numbers that are longer than usual [inch]."""
+"""Width of a figure without unusually long numbers [inch]."""
 NUMBERS = 0.37
-"""Room for the numbers of a vertical axis [inch]; longer ones widen the figure."""
+"""Space for the numbers of a vertical axis [inch]; longer numbers widen the figure."""
 LINE = 1.25 * SIZE / 72
 """Height of a line of text [inch]."""
 SIDES = ((1, 0.6), (1, -0.6), (-1, 0.6), (-1, -0.6), (0, 1), (0, -1), (1, 0), (-1, 0))
-"""Where a label may stand beside its point, right and up: the best one first."""
+"""Positions of a label beside its point, right and up, the best one first."""
 AWAY = (6, 9, 13)
-"""How far away [point]."""
+"""Distances of a label from its point [point]."""
 DOT = 0.05
-"""How much a dot counts that a label hides: a point of a curve counts 1."""
+"""Cost of hiding a dot under a label; hiding a point of a curve costs 1."""
 DOTS_ALPHA = 0.9
 NOTHING = "\u200b"
 """A zero-width space."""
 LONGEST_NAME = 32
 """Longest name in a legend [characters]; all our own labels fit."""
 _HANDLE = 0.6
-"""What stands beside a name in a legend, and about it [inch]."""
+"""Space in a legend beside a name and around it [inch]."""
 OUTLIER = 4.0
-"""A raw fix is one if its error is more than so many times that of 95 % of them."""
+"""A raw fix is an outlier if its error exceeds this multiple of the 95th percentile."""
 
 
 def is_filter(label: str) -> bool:
@@ -88,7 +88,8 @@ def lines_of(tracks: Tracks, look: Theme) -> Iterator[tuple[str, pd.DataFrame, d
 
 
 class _Dots(Line2D):
-    """A line's markers as one path of round caps: in an SVG a tenth of what a mark each takes."""
+    """A line's markers as one path of round caps: in an SVG a tenth of the size of separate
+    marks."""
 
     @allow_rasterization  # type: ignore[untyped-decorator]
     def draw(self, renderer: Any) -> None:
@@ -100,7 +101,7 @@ class _Dots(Line2D):
         if not self.get_visible() or not len(points):
             return
         ends = np.repeat(points, 2, axis=0)
-        ends[1::2, 0] += 1e-3  # Agg leaves out what has no length at all
+        ends[1::2, 0] += 1e-3  # Agg omits what has no length at all
         path = Path(ends, np.tile([Path.MOVETO, Path.LINETO], len(points)).astype(np.uint8))
         path.should_simplify = False
         gc = renderer.new_gc()
@@ -115,7 +116,7 @@ class _Dots(Line2D):
 
 
 _MANY: Mapping[Any, HandlerBase] = {_Dots: HandlerLine2D(numpoints=3)}
-"""Dots stand for many in a legend too: a single one is a mark on a map."""
+"""In a legend too, several dots stand for many: a single one is a mark on a map."""
 
 
 def add_line(ax: Axes, x: Any, y: Any, how: Mapping[str, Any]) -> None:
@@ -144,7 +145,7 @@ def outside(tracks: Tracks, limits: Mapping[str, tuple[float, float]]) -> str:
         f"{short(label)} ({n}\u00a0of\u00a0{len(tracks[label])})"
         for label, n in counts.items() if n
     )  # fmt: skip
-    return f"outside of the figure: {words}" if words else ""
+    return f"outside the figure: {words}" if words else ""
 
 
 def no_fix(tracks: Tracks) -> str:
@@ -162,7 +163,7 @@ def short(name: str, longest: int = LONGEST_NAME) -> str:
 
 
 def inches(words: str, size: float = SIZE) -> float:
-    """How wide a line of text is [inch]."""
+    """Width of a line of text [inch]."""
     width: float = text_to_path.get_text_width_height_descent(
         words, FontProperties(size=size), ismath=False
     )[0]
@@ -170,7 +171,7 @@ def inches(words: str, size: float = SIZE) -> float:
 
 
 def short_for(name: str, room: float) -> str:
-    """A name that is short enough for some inches."""
+    """A name shortened to fit a width in inches."""
     return next(
         (some for n in range(LONGEST_NAME, 6, -2) if inches(some := short(name, n)) <= room),
         short(name, 6),
@@ -178,7 +179,7 @@ def short_for(name: str, room: float) -> str:
 
 
 def wrapped(words: str, room: float, size: float = SIZE) -> str:
-    """A text in lines of at most so many inches, broken between words."""
+    """A text in lines of limited width [inch], broken between words."""
     lines: list[str] = []
     for word in words.split(" "):
         if lines and inches(longer := f"{lines[-1]} {word}", size) <= room:
@@ -199,7 +200,7 @@ def panels(
     Raises
     ------
     ValueError
-        There are not as many `axes` as needed.
+        The number of `axes` is wrong.
     """
     if axes is not None:
         if len(axes) != count:
@@ -216,15 +217,16 @@ def panels(
 
 
 def finish(axes: Sequence[Any], own: bool, *title: str, beside: bool = False) -> None:
-    """A title from its parts that are not empty, and one legend for all axes.
+    """A title from those of its parts that are not empty, and one legend for all axes.
 
-    Both stand above the axes in our own figure, which grows by them and gets its margins; else
-    within the first axes. A line and a band with the same label share an entry of the legend.
+    In our own figure both stand above the axes. The figure grows by them and gets its margins. In
+    given axes they stand inside the first one. A line and a band with the same label share an
+    entry.
 
     Parameters
     ----------
     beside
-        The legend of our own figure is on the right, where room has been left for it.
+        Whether the legend of our own figure is on the right, where room has been left for it.
     """
     words = "; ".join(part for part in title if part)
     words = words[:1].upper() + words[1:]
@@ -252,12 +254,12 @@ def finish(axes: Sequence[Any], own: bool, *title: str, beside: bool = False) ->
             axes[0].set_title(wrapped(words, 70 * SIZE / 130), loc="left")
     for handle in legend.legend_handles if legend is not None else ():
         if isinstance(handle, Line2D) and handle.get_marker() == ".":
-            many = handle.get_markevery() is None  # of `_MANY`
+            many = handle.get_markevery() is None  # a line of `_MANY`
             handle.set(markersize=4 if many else 8)
 
 
 def _longer_numbers(axes: Sequence[Axes]) -> float:
-    """How much wider than usual the numbers of the vertical axes are [inch]."""
+    """By how much the numbers of the vertical axes are wider than usual [inch]."""
     numbers = [
         word for ax in axes
         for word in ax.yaxis.get_major_formatter().format_ticks(ax.get_yticks().tolist())
@@ -316,7 +318,7 @@ def _set_margins(
         bottom=BOTTOM / height, top=body / height,
         hspace=gap * rows / (body - BOTTOM - gap * (rows - 1)),
     )  # fmt: skip
-    longer = _longer_numbers(axes)  # which follow from the height
+    longer = _longer_numbers(axes)  # they depend on the height
     width, left = figure.get_figwidth() + longer, LEFT + longer
     figure.set_figwidth(width)
     panel = (width - left - right - GAP * (columns - 1)) / columns
@@ -325,7 +327,7 @@ def _set_margins(
         figure.suptitle(title, x=left / width, y=1 - above / height, ha="left", va="top",
                         fontsize="medium")
     for ax in axes if not _is_in_space(axes) else ():
-        # A fixed place: else each of the labels looks at all ticks of all panels.
+        # A fixed place: otherwise each label looks at all ticks of all panels.
         ax.yaxis.set_label_coords(-(0.5 + longer) / panel, 0.5)
 
 
@@ -348,14 +350,14 @@ def free_places(
     drawn: Floats,
     dots: Floats | None = None,
 ) -> Iterator[dict[str, Any]]:
-    """Where labels of points stand on the fewest of the points that are drawn, and on no other.
+    """Positions of point labels that hide as few drawn points as possible, and no other label.
 
     Parameters
     ----------
     points, drawn
-        In the coordinates of the axes' plane, shapes (n, 2) and (m, 2).
+        Coordinates in the plane of the axes, shapes (n, 2) and (m, 2).
     dots
-        As `drawn`; they may be hidden, if that keeps a label near its point.
+        Like `drawn`, but they may be hidden if that keeps a label near its point.
 
     Yields
     ------
@@ -406,24 +408,25 @@ def limits(
     seen: Floats, tracks: Tracks, axis: str, reach: float = 0.0, least: float = 1.0,
     whole: str = "",
 ) -> tuple[float, float]:
-    """Limits of a coordinate that contain what is seen, and the estimates near it [m].
+    """Limits of a coordinate that contain the given points and the estimates near them [m].
 
-    A diverging estimate leaves the figure, rather than compress everything else; so do outliers of
-    the raw fix.
+    Diverging estimates and outliers of the raw fix leave the figure, so that they do not compress
+    everything else.
 
     Parameters
     ----------
     seen
-        Coordinates of what must be in the figure.
+        Coordinates that the figure must contain.
     axis
         ``x``, ``y`` or ``z``.
     reach
-        How far estimates extend the figure to both sides at most, if it is more than half of what
-        is seen, and 3 m; raw fixes half as far where there are filters, but 3 m too.
+        How far estimates may extend the figure on both sides, if that is more than half the extent
+        of `seen`, and more than 3 m. For raw fixes beside filters it is half as much, but at least
+        3 m.
     least
-        Least distance between the limits.
+        Smallest distance between the limits.
     whole
-        Receiver all of whose estimates must be in the figure, however far away.
+        Receiver whose estimates must all be in the figure, however far away.
     """
     column, error = f"{axis}_m", f"error_{axis}_m"
     must = [seen, tracks[whole][column].to_numpy()] if whole else [seen]

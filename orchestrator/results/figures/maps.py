@@ -29,16 +29,16 @@ if TYPE_CHECKING:
     from ...data.record import Record
 
 MOST_TOGETHER = 3
-"""Filters on one map; more of them get a map each."""
+"""Largest number of filters on one map; more of them get a map each."""
 MOST_MARKS = 6
 MARK, TURNS = 0.4, 2.5
-"""Of a path for each mark [inch]; a path counts as this many times its extent at most."""
+"""Length of path per mark [inch]; it counts as at most this many times the path's extent."""
 TALLEST, TALLEST_OF_MANY = 6.2, 3.6
-"""Height of a map, and of one of several [inch]."""
+"""Largest height of a map, alone and among several [inch]."""
 FLATTEST, FLATTEST_OF_MANY = 3.2, 2.0
-"""Width of a map, and of one of several, in its heights."""
+"""Largest ratio of width to height of a map, alone and among several."""
 NARROWEST_3D = 0.35
-"""Width of the box in space in its lengths, and its height in the same."""
+"""Smallest ratio of width to length of the box in space, and of its height to its length."""
 STEPS_S = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 21600)
 """Times between two marks on a path [s]."""
 ENDS = ((0, "start", "o"), (-1, "end", "s"))
@@ -49,11 +49,11 @@ MOST_REPORTS = 500
 LONGEST_ARM = 10.0
 """Beacons farther from their middle than this [m] are not on arms of a platform."""
 PAD_3D = -2.0
-"""Between the numbers of an axis in space and its name [point]."""
+"""Gap between the numbers of an axis in space and its name [point]."""
 MARGINS_3D = (0.5, 1.0, 0.8, 0.1)
-"""Left, right, below and above the box in space [inch]."""
+"""Margins left, right, below and above the box in space [inch]."""
 TALLEST_3D = 6.0
-"""Of the box in space with its labels [inch]."""
+"""Largest height of the box in space with its labels [inch]."""
 
 
 def plot_path(
@@ -164,7 +164,7 @@ class Platform:
         self.centres: Floats = reports.mean(axis=1)[:: ceil(len(reports) / MOST_REPORTS)]
         self.is_exact = np.array_equal(beacons, reports)
         extent = np.ptp(np.vstack([truth, self.true])[:, :2], axis=0).max()
-        moving = np.abs(beacons - self.true).max() > 0.02 * extent  # more than a marker's size
+        moving = np.abs(beacons - self.true).max() > 0.02 * extent  # more than the size of a marker
         self.name = "beacons (mean)" if moving else "beacons"
         self.is_far = _are_far(self.true)
         self.dotted = not self.is_exact and not _are_far(self.true)
@@ -172,7 +172,8 @@ class Platform:
                       *((CENTRE,) if self.dotted else ())]  # fmt: skip
 
     def draw(self, ax: Axes, size: float, look: Theme) -> None:
-        """Arms of the beacons; as reported dashed, with dots at its centre at many instants."""
+        """Arms of the beacons. Reported arms are dashed, and dots mark their centre at many
+        instants."""
         how = {"color": look.ink, "ms": size}
         self._beacons(ax, self.true, self.name, **how, marker="^", mfc=look.soft)
         if not self.is_exact:
@@ -193,18 +194,18 @@ class Platform:
 
 
 def _arms(beacons: Floats) -> list[Floats]:
-    """From the middle of the beacons to each of them; to itself if there can be no arm."""
+    """From the middle of the beacons to each beacon; zero length if there can be no arm."""
     middle, far = beacons.mean(axis=0), _are_far(beacons)
     return [beacon[None] if far else np.array([middle, beacon]) for beacon in beacons]
 
 
 def _are_far(beacons: Floats) -> bool:
-    """Whether they cannot be on arms of one platform."""
+    """Whether the beacons cannot be on arms of one platform."""
     return bool(np.abs(beacons - beacons.mean(axis=0)).max() > LONGEST_ARM)
 
 
 def limits_of(seen: Floats, tracks: Tracks, axes: Sequence[str]) -> dict[str, tuple[float, float]]:
-    """Limits of each coordinate, by column; estimates reach as far in all directions."""
+    """Limits of each coordinate, by column; estimates extend equally in all directions."""
     reach = float(np.ptp(seen[:, :2], axis=0).max()) / 2
     return {
         f"{axis}_m": drawing.limits(seen[:, i], tracks, axis, reach) for i, axis in enumerate(axes)
@@ -212,24 +213,24 @@ def limits_of(seen: Floats, tracks: Tracks, axes: Sequence[str]) -> dict[str, tu
 
 
 def widened(limits: tuple[float, float], span: float) -> tuple[float, float]:
-    """Limits that far apart, with the same middle."""
+    """Limits with the given distance and the same middle."""
     more = max(span - (limits[1] - limits[0]), 0.0) / 2
     return limits[0] - more, limits[1] + more
 
 
 class _Sheet:
-    """A new figure of the usual width with maps that fill it, whatever the shape of what they show.
+    """A new figure of the usual width, filled by maps, whatever the shape of the data.
 
     Attributes
     ----------
     wide, high
         Size of a map [inch].
     limits
-        Of its coordinates: the narrower one is widened to the shape of the map.
+        Limits of the coordinates. The narrower one is widened to the shape of the map.
     beside
-        Whether the legend is on the right: of one map that is high and narrow.
+        Whether the legend is on the right, as for one tall, narrow map.
     scale
-        Inches of a metre.
+        Inches per metre.
     """
 
     def __init__(
@@ -274,7 +275,7 @@ class _Sheet:
 
 
 def _locator(room: float, each: float) -> MaxNLocator:
-    """Ticks with so many inches each."""
+    """Ticks at a given distance in inches."""
     return MaxNLocator(min(max(int(room / each), 2), 9), steps=[1, 2, 2.5, 5, 10])
 
 
@@ -291,13 +292,13 @@ def _name_axes(maps: Sequence[Axes]) -> None:
 
 
 def _scale(ax: Axes) -> float:
-    """Inches of a metre on a map."""
+    """Inches per metre on a map."""
     ax.apply_aspect()
     return float(ax.bbox.width / ax.figure.dpi / np.ptp(ax.get_xlim()))
 
 
 def _marks(path: Floats, scale: float) -> int:
-    """How many marks the path has room for, as it is drawn at so many inches for a metre."""
+    """Number of marks that the path has room for, when drawn at the given inches per metre."""
     steps = np.hypot(*np.diff(path[:, :2], axis=0).T).sum()
     reach = np.hypot(*np.ptp(path[:, :2], axis=0))
     return min(int(min(steps, TURNS * reach) * scale / MARK), MOST_MARKS)
@@ -319,7 +320,7 @@ def _in_words(time_s: float, every_s: float) -> str:
 def _mark_times(
     ax: Axes, record: Record, tracks: Tracks, every: float, look: Theme
 ) -> None:
-    """Marks and arrowheads along the true path, with labels where the least is drawn."""
+    """Marks and arrowheads along the true path, with labels where they hide least."""
     time_s, path = record.time_ns / 1e9, recorded(record, "target.position")[:, [1, 0]]
     first, last = time_s[0], time_s[-1]
     marks = np.empty(0)
@@ -345,7 +346,8 @@ def _mark_times(
 
 
 def _point_ahead(ax: Axes, time_s: Floats, path: Floats, every: float, look: Theme) -> None:
-    """Arrowheads in the direction of motion, half way between marks; none where it rests."""
+    """Arrowheads in the direction of motion, half way between marks; none where the target
+    rests."""
     middle = np.arange(time_s[0] + every / 2, time_s[-1], every)
     step = max(0.02 * every, float(np.median(np.diff(time_s))))
     at, before, after = (
@@ -381,7 +383,7 @@ def _ends(ax: Axes, points: Floats) -> dict[str, str]:
 
 
 def _drop(ax: Axes3D, beacon: Floats, floor: float, look: Theme) -> None:
-    """A line from a beacon to the floor of the box, and its foot: where it is, and how high."""
+    """A vertical line from a beacon to the floor of the box, with its foot, to show where it is."""
     below = np.array([beacon, [*beacon[:2], floor]])
     ax.plot(*below[:, [1, 0, 2]].T, color=look.soft, lw=0.8, ls=(0, (2, 1.5)), marker=".", ms=4,
             markevery=[-1], zorder=1)
@@ -394,7 +396,7 @@ def _flat(ax: Axes3D, points: Floats) -> Floats:
 
 
 def _fit_to_box(ax: Axes3D) -> None:
-    """Let the box fill the figure but for the margins of its labels, and give that its height."""
+    """Let the box fill the figure except for the margins of its labels, and set the height."""
     figure = ax.figure
     width, height = figure.get_size_inches()
     above = (1 - figure.subplotpars.top) * height
@@ -416,7 +418,7 @@ def _fit_to_box(ax: Axes3D) -> None:
 
 
 def _mark_ends_3d(ax: Axes3D, path: Floats, drawn: Floats, look: Theme) -> None:
-    """Start and end of the path, with labels where the least is drawn."""
+    """Start and end of the path, with labels where they hide least."""
     ends = _flat(ax, path[[0, -1]])
     words = _ends(ax, ends)
     rows = [row for row, word, _ in ENDS if word in words]

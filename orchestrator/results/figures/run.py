@@ -33,10 +33,10 @@ if TYPE_CHECKING:
 NAMES = {"x": "North x", "y": "East y", "z": "Depth z"}
 INCLINATION_WINDOW_S = 60.0
 TIMES = (("h", 3600.0, 3 * 3600.0), ("min", 60.0, 20 * 60.0), ("s", 1.0, 0.0))
-"""Units of the time axis, their seconds, and the duration of a run from which they are used [s]."""
+"""Units of the time axis: name, seconds, and the duration of a run from which they are used [s]."""
 MOST_TICKS = 9
 COARSE_S = 0.25
-"""Sampling interval [s] above which a line through samples of waves (periods from 1 s) misleads."""
+"""Sampling interval [s] above which a line through wave samples (periods from 1 s) misleads."""
 
 
 def plot_axes(
@@ -44,7 +44,7 @@ def plot_axes(
 ) -> Sequence[Axes]:
     """True and estimated coordinates over time (the paper's Figure 13); three axes.
 
-    They hold all estimates of the first receiver, and those of the others near these.
+    They show all estimates of the first receiver, and those of the others nearby.
     """
     with use(theme, axes) as look:
         own = axes is None
@@ -79,8 +79,8 @@ def plot_errors(
 ) -> Sequence[Axes]:
     """Errors over time with each filter's ±2σ band, and the total error (the paper's Figure 14).
 
-    Four axes over the whole run. `frame` is one of `definitions.FRAMES`; receivers without errors
-    in it are left out. `reference` is what was possible: ±2σ, and the RMS of the total.
+    Four axes over the whole run. `frame` is one of `definitions.FRAMES`. Receivers without errors
+    in it are omitted. `reference` is what was possible: ±2σ, and the RMS of the total.
 
     Raises
     ------
@@ -139,8 +139,8 @@ def plot_inclination(
 ) -> Sequence[Axes]:
     """True roll, pitch and yaw of the platform in the first `window_s` (the paper's Figure 9).
 
-    A fourth panel has what the platform reports of them, minus the truth: in a new figure if it
-    reports anything else, or if there are four `axes`.
+    A fourth panel shows the reported angles minus the true ones. A new figure has it if the report
+    differs; given axes have it if there are four of them.
     """
     with use(theme, axes) as look:
         own = axes is None

@@ -1,7 +1,7 @@
-"""Responses and figures of a run that are a file each: modules of this folder are found.
+"""Responses and figures of a run, each in its own file: modules of this folder are found.
 
-A module may have ``RESPONSES``, rows of the name, the words and the function of a
-`sblcosim.results.responses.Run`, and ``FIGURES``, of `sblcosim.catalogue.Figure`.
+A module may have ``RESPONSES``, rows with the name, the words and the function of a
+`sblcosim.results.responses.Run`, and ``FIGURES``, rows of `sblcosim.catalogue.Figure`.
 """
 
 from __future__ import annotations
@@ -16,5 +16,5 @@ FOUND: Mapping[str, ModuleType] = modules_of(__name__)
 
 
 def rows(what: str) -> list[Any]:
-    """What the modules have of this name, in the order of their names."""
+    """The rows of all modules under this name, in the order of the modules' names."""
     return [row for module in FOUND.values() for row in getattr(module, what, ())]

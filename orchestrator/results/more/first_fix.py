@@ -1,4 +1,4 @@
-"""How long a receiver takes to its first fix."""
+"""The time that a receiver needs for its first fix."""
 
 from __future__ import annotations
 

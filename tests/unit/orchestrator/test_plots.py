@@ -186,7 +186,7 @@ def test_wild_raw_fixes_do_not_squeeze_the_filter_and_are_admitted_to():
     tracks = {name: track(record, name) for name in ("ekf", "raw")}
     ax = plots.plot_errors(record, tracks)[0]
     assert ax.get_ylim()[1] < 2
-    assert "outside of the figure: raw (1 of 99)" in title_of(ax)
+    assert "outside the figure: raw (1 of 99)" in title_of(ax)
     assert "ekf" not in title_of(ax)
     assert plots.plot_path(record, tracks).get_ylim()[1] < 20
 
@@ -198,11 +198,11 @@ def test_estimate_that_runs_away_leaves_the_figures_and_they_say_so():
     assert np.ptp(path.get_xlim()) < 100
     space = plots.plot_path_3d(record, tracks)
     for ax in (path, space):
-        assert "outside of the figure: ekf (98 of 99)" in title_of(ax)
+        assert "outside the figure: ekf (98 of 99)" in title_of(ax)
     second = {"steady": track(make_record({"steady": np.zeros((1, 3))}), "steady"), **tracks}
     ax = plots.plot_axes(record, second)[0]
     assert np.ptp(ax.get_ylim()) < 100
-    assert "outside of the figure: ekf (98 of 99)" in title_of(ax)
+    assert "outside the figure: ekf (98 of 99)" in title_of(ax)
     assert plots.plot_axes(record, tracks)[0].get_ylim()[1] > 1e6  # the main one is never cut
 
 

@@ -274,7 +274,7 @@ def test_a_lost_receiver_is_not_said_to_look_right():
 
 
 def test_one_run_is_said_not_to_tell_unless_it_does(result):
-    telling = "Whether a covariance is right, one run cannot tell; a study can.\n"
+    telling = "One run cannot tell whether a covariance is right. A study can.\n"
     sure = make_record({"ekf": np.array([[3.0, 4, 0]])})
     assert telling not in str(run_of(("ekf",), sure))
     assert telling in str(run_of(("ekf",), make_record({"ekf": np.array([[1.0, 0, 0]])})))
