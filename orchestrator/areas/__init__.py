@@ -1,4 +1,4 @@
-"""The water around a platform: what error a receiver has where, and what is possible there.
+"""The water around a platform: a receiver's error at each place, and the possible error there.
 
 >>> found = sblcosim.map_area("realistic-dive", "60x60", 5.0, limit_m=4.0)  # doctest: +SKIP
 >>> found.save("runs/map")                                                   # doctest: +SKIP
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 __all__ = ["AreaMap", "DistanceCurve", "map_area", "map_distance"]
 
-if not TYPE_CHECKING:  # a checker would take any name for one of ours
+if not TYPE_CHECKING:  # a type checker would accept any name
     __getattr__, __dir__ = lazy.names(__name__, {
         "AreaMap": "result", "DistanceCurve": "distance_result", "map_area": "survey",
         "map_distance": "distance",

@@ -38,9 +38,9 @@ def within(grid: Grid, values: Floats, limit: float) -> list[list[Ring]]:
 
 
 def levels(values: Floats, most: int = 8) -> list[float]:
-    """Round levels between the least and the largest of some values.
+    """Round levels between the smallest and the largest of some values.
 
-    They are 1, 2, 5, 10, …, or, where less than three of these are between, in equal steps.
+    They are 1, 2, 5, 10, …, or equal steps if fewer than three of these lie between.
     """
     known = values[np.isfinite(values) & (values > 0)]
     if not len(known):
@@ -64,10 +64,10 @@ def geojson(
     Parameters
     ----------
     maps
-        95 % errors by name [m]; each (cells,). What is not finite is left out.
+        95 % errors by name [m]; each (cells,). Values that are not finite are left out.
     limit
-        The requirement [m]; with one, there is also the water where each map keeps it, if any:
-        many readers fail on a feature without a geometry.
+        The requirement [m]. With one, the document also has the water where each map keeps it, if
+        any: many readers fail on a feature without a geometry.
     """
     features = []
     for name, values in maps.items():

@@ -32,7 +32,7 @@ from .survey import DURATION, SETTLING, check, check_work, doubt_of, silent
 Floats = NDArray[np.float64]
 
 DISTANCES, RUNS = 21, 500
-"""Distances, the first and the last one included; runs at each."""
+"""Number of distances, including the first and the last one, and runs at each."""
 _BEFORE = 0.1
 """Share of the progress when the runs begin."""
 
@@ -58,26 +58,26 @@ def map_distance(
     progress: Callable[[float], None] | None = None,
     keep: Kept | None = None,
 ) -> DistanceCurve:
-    """The error of a receiver against the distance from the platform, beside what is possible.
+    """The error of a receiver against the distance from the platform, with the possible error.
 
-    At each distance a diver circles about a place in another direction in each run. The errors of
-    all epochs and runs of a distance make one distribution. No distance is pooled with another one.
+    In each run, a diver circles about a place in a different direction at that distance. The errors
+    of all epochs and runs at a distance form one distribution. Distances are not pooled.
 
     Parameters
     ----------
     scenario, receiver, overrides, error, duration_s, settling_s, radius_m, speed_m_s
         As in `sblcosim.map_area`.
     distance
-        To how far, or from where to where [m]: 60, (5, 60) or ``"5,60"``. It is horizontal, from
-        the middle of the beacons to the middle of the diver's circle.
+        The largest distance, or the smallest and the largest [m]: 60, (5, 60) or ``"5,60"``. It is
+        horizontal, from the middle of the beacons to the middle of the diver's circle.
     depth
-        Of the diver, one or several [m].
+        Depth of the diver, one or several [m].
     limit_m
-        The requirement [m]: up to which distance it is kept.
+        The requirement [m]: the answer says up to which distance it is kept.
     cells
         Number of distances, evenly spaced.
     runs
-        At each distance and depth.
+        Number of runs at each distance and depth.
     workers, progress, keep
         As in `sblcosim.map_area`.
 

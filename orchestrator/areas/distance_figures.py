@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 _WIDTH, _HEIGHT = 6.4, 3.8
 """[inch]"""
 _CHARACTERS = 12.5
-"""Of a caption, per inch."""
+"""Characters of a caption per inch."""
 _BAND = 0.2
 """Opacity of two standard errors about a line."""
 
@@ -76,7 +76,7 @@ def plot_distance(
 
 
 def _handles(found: DistanceCurve, ink: str, colours: tuple[str, ...]) -> list[Line2D | Patch]:
-    """What lines, colours and marks are."""
+    """The legend's lines, colours and marks."""
     depths = found.depths
     main = colours[0] if len(depths) == 1 else ink
     handles: list[Line2D | Patch] = []

@@ -34,21 +34,21 @@ Floats = NDArray[np.float64]
 
 TABLE = "distances"
 _ROWS = 12
-"""Of the printed table, without ``--verbose``."""
+"""Number of distances in the printed table without ``--verbose``."""
 _figures = Module("sblcosim.areas.distance_figures")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DistanceCurve(Answer):
-    """The error of a receiver against the distance from the platform, beside what is possible.
+    """The error of a receiver against the distance from the platform, with the possible error.
 
     Attributes
     ----------
     scenario
-        What was simulated: the given scenario, with a diver who circles about the origin; in a run,
-        about a place at that distance, and at that depth.
+        What was simulated: the given scenario, with a diver who circles about the origin. In a run,
+        the circle is at that distance and depth.
     receiver
-        Its label.
+        Label of the receiver.
     settings
         The arguments of `map_distance`, with all defaults, as plain data.
     motion
@@ -58,12 +58,12 @@ class DistanceCurve(Answer):
         its ``std_error_m`` and the ``bound_m`` of the data sheet, ``possible_rms_m``,
         ``possible_p95_m``, ``lost_share``.
     failures
-        Messages of runs that have failed, with their number.
+        Messages of failed runs, with their number.
     doubt
-        What the receiver is not made for, in words; empty if there is nothing to say.
+        Why the receiver does not suit this motion, in words; empty if it does.
     left_out
-        Estimated RMS of errors that what is possible leaves out and that matter [m], by what they
-        are in words; each as long as the table.
+        Estimated RMS of the errors that the possible error leaves out and that matter [m], keyed by
+        a description; each as long as the table.
     """
 
     document = "distances"
@@ -86,7 +86,7 @@ class DistanceCurve(Answer):
 
     @property
     def depths(self) -> list[float]:
-        """Of the diver [m]."""
+        """Depths of the diver [m]."""
         return list(self.settings["depth_m"])
 
     def at(self, depth: float) -> pd.DataFrame:
@@ -156,15 +156,15 @@ class DistanceCurve(Answer):
 
     @property
     def origin(self) -> str:
-        """What distances are from."""
+        """The reference point of the distances."""
         own = has_own_errors(self.scenario.platform)
         return "the middle of the beacons" if own else "the platform"
 
     def reach(self, depth: float) -> tuple[float | None, float | None]:
         """Up to which distance the requirement is kept, and up to which that is possible [m].
 
-        Those of which the data sheet's bound, or what is possible, is within the requirement, and
-        so at all nearer distances; None: none, or there is no requirement.
+        At this distance and all nearer ones, the data sheet's bound, or the possible error, is
+        within the requirement. None: at no distance, or there is no requirement.
         """
         if self.limit_m is None:
             return None, None
@@ -189,7 +189,7 @@ class DistanceCurve(Answer):
 
     @property
     def remarks(self) -> list[str]:
-        """What must be known to read the answer, a line each."""
+        """Remarks that are needed to read the answer, one line each."""
         return [*self._remarks()]
 
     def _remarks(self) -> Iterator[str]:
@@ -226,12 +226,12 @@ class DistanceCurve(Answer):
             yield caveat(self.left_out)
 
     def text(self, *, verbose: bool = False, width: int | None = None) -> str:
-        """The answer, a table for each depth, and what must be known.
+        """The answer, a table for each depth, and the remarks.
 
         Parameters
         ----------
         verbose
-            With all distances.
+            Show all distances.
         width
             Columns to fit into; None: lines are not wrapped.
         """
@@ -270,7 +270,7 @@ class DistanceCurve(Answer):
 
 
 def _leading(flags: Any) -> int:
-    """How many are true before the first that is not."""
+    """Number of true values before the first false one."""
     return int(np.cumprod(np.asarray(flags, bool)).sum())
 
 

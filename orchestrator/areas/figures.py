@@ -30,27 +30,27 @@ if TYPE_CHECKING:
 ERROR, LOSSES = "standard error of the 95 % error [%]", "lost runs [%]"
 """Labels of the maps of `plot_certainty`."""
 COLOURS = "viridis_r"
-"""Perceptually uniform, and in order for colour-blind readers; dark is bad."""
+"""A perceptually uniform colour map, ordered for colour-blind readers too; dark is bad."""
 _RATIO = 6.0
-"""Beyond this ratio of largest to least, colours follow the logarithm."""
+"""Ratio of largest to smallest value above which colours are logarithmic."""
 _WIDE, _NARROW = 3.2, 3.6
 """Width of a panel [inch]."""
 _SHORTEST = 1.0
-"""Width of a line of a title, however narrow its map is [inch]."""
+"""Smallest width of a line of a title, even if its map is narrower [inch]."""
 _BESIDE = 2.1
 """Width of the legend [inch]."""
 _UNBROKEN = "\N{NO-BREAK SPACE}%"
 SMALLEST = 0.01
-"""Arms shorter than this part of the map are hidden by the marks of their beacons."""
+"""Arms shorter than this fraction of the map are hidden by the marks of their beacons."""
 
 
 def plot_map(area: AreaMap, *, narrow: bool = False, theme: ThemeName = "light") -> list[Axes]:
-    """The receiver's 95 % error, what is possible, and HDOP; the first two in the same colours.
+    """The receiver's 95 % error, the possible one, and HDOP; the first two share a colour scale.
 
     Parameters
     ----------
     narrow
-        Panels one above the other, for a narrow page.
+        Draw the panels one above the other, for a narrow page.
     """
     with use(theme) as look:
         receiver, possible, hdop = (area.of(c) for c in ("p95_m", "possible_p95_m", "hdop"))
@@ -72,7 +72,7 @@ def plot_map(area: AreaMap, *, narrow: bool = False, theme: ThemeName = "light")
         second.set_title(_titled(area, "possible", "possible_within_share"), loc="left")
         third.set_title("HDOP", loc="left")
         what = area.settings["error"].replace("_", " ")
-        new = "\n" if narrow else " "  # along a bar that is perhaps short
+        new = "\n" if narrow else " "  # the bar may be short
         _bar(figure, shown, [first, second], f"95 % of the {what}{new}errors within [m]", narrow)
         _bar(figure, dilution, [third], f"HDOP [m per m{new}of range error]", narrow)
         _explain(figure, area, handles, narrow)
@@ -85,9 +85,9 @@ def plot_narrow(area: AreaMap, theme: ThemeName = "light") -> list[Axes]:
 
 
 def plot_certainty(area: AreaMap, theme: ThemeName = "light") -> list[Axes]:
-    """The standard error of the receiver's 95 % error, as a share of it, and the lost runs.
+    """The relative standard error of the receiver's 95 % error, and the share of lost runs.
 
-    What is zero everywhere, or not known anywhere, has no map; see `uncertain`.
+    Quantities that are zero everywhere, or known nowhere, have no map; see `uncertain`.
     """
     with use(theme):
         maps = uncertain(area)
@@ -119,7 +119,7 @@ def _panels(
     Parameters
     ----------
     titles
-        Height of what their titles have beside a line [inch].
+        Height of the titles beyond one line [inch].
     """
     grid = area.grid
     height, width = (high - low for low, high in (grid.north, grid.east))
@@ -144,12 +144,12 @@ def _panels(
 
 
 def _ticks(room: float) -> int:
-    """Most intervals between ticks where there is room for this many labels."""
+    """Largest number of intervals between ticks if there is room for the given number of labels."""
     return int(min(max(room, 1.0), 5.0))
 
 
 def _titled(area: AreaMap, name: str, share: str) -> str:
-    """The name of a map, and how much of it is within the requirement."""
+    """The name of a map, and the share of it that is within the requirement."""
     if area.limit_m is None:
         return name
     (height, width) = (high - low for low, high in (area.grid.north, area.grid.east))
@@ -159,7 +159,7 @@ def _titled(area: AreaMap, name: str, share: str) -> str:
 
 
 def _norm(*maps: Floats, bounds: tuple[float, float] | None = None) -> Normalize:
-    """Colours for some maps alike, which are from their least to their largest value at least."""
+    """A common colour scale for some maps that covers at least the given range."""
     values = np.concatenate([m[np.isfinite(m)] for m in maps])
     low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, 1.0)
     if low > 0 and high > _RATIO * low:
@@ -181,9 +181,9 @@ def _cells(ax: Axes, area: AreaMap, values: Floats, norm: Normalize) -> Any:
 def _requirement(
     ax: Axes, area: AreaMap, values: Floats, *, band: bool = True
 ) -> dict[str, Any]:
-    """The contour of the requirement and those of two standard errors about it, where they are.
+    """The contour of the requirement and those of two standard errors about it, where they exist.
 
-    By label: what stands for them in a legend.
+    Returns legend handles by label.
     """
     limit, (north, east) = area.limit_m, area.grid.axes
     if limit is None:
@@ -224,13 +224,13 @@ def _crosses(values: Floats, limit: float) -> bool:
 def _hatched(
     ax: Axes, area: AreaMap, where: Any, label: str, look: Theme | None = None
 ) -> list[Any]:
-    """Cells that need a word of their own; hatched in ink on paper, or in black on colours."""
+    """Hatch cells that need a remark: in ink on paper, in black on colours."""
     if not np.any(where):
         return []
     hatch, colour, paper = ("....", "#000000", "#9a9a9a")
     if look is not None:
         hatch, colour, paper = ("////", look.ink, look.paper)
-    # Four points in the corners of each cell: so contours follow its edges.
+    # Four points in the corners of each cell, so that contours follow its edges.
     inside = np.array([-0.499, 0.499])
     east, north = (
         (middles[:, None] + inside * size).ravel()
@@ -244,7 +244,7 @@ def _hatched(
 
 
 def _beacons(ax: Axes, area: AreaMap) -> list[Any]:
-    """The beacons where they are, with arms to scale; one mark where they would hide each other."""
+    """The beacons, with arms to scale; a single mark if they would hide each other."""
     north, east, _ = area.beacons.T
     middle = area.beacons.mean(axis=0)
     arm = float(np.hypot(*(area.beacons - middle)[:, :2].T).max())
@@ -277,7 +277,8 @@ def _bar(figure: Figure, shown: Any, axes: list[Axes], label: str, narrow: bool)
 def _explain(
     figure: Figure, area: AreaMap, handles: list[Any], narrow: bool, said: str = ""
 ) -> None:
-    """A legend beside the panels, or above narrow ones, and what is shown below; all grows."""
+    """A legend beside or, on a narrow page, above the panels, and a caption below; the figure
+    grows."""
     if narrow:
         legend_above(figure, handles, 1)
     else:
@@ -291,7 +292,7 @@ def _explain(
 
 
 def caption(area: AreaMap) -> str:
-    """What has been mapped: scenario, depth, beacons, sensors, sea and runs."""
+    """What was mapped: scenario, depth, beacons, sensors, sea and runs."""
     platform = area.scenario.platform
     parts = [
         f"{area.scenario.name}, {area.grid.depth:g} m deep", counted(len(area.beacons), "beacon"),
@@ -316,7 +317,7 @@ def _sensor(platform: Any, name: str, grade: str, prefix: str, unit: str) -> str
 
 
 def legend_above(figure: Figure, handles: list[Any], columns: int) -> None:
-    """A legend above the panels, which the figure grows by."""
+    """A legend above the panels; the figure grows by it."""
     rows = -(-len(handles) // columns)
     figure.set_figheight(figure.get_figheight() + LINE * 1.2 * rows)
     figure.legend(handles=handles, loc="outside upper left", ncols=columns, borderaxespad=0.3)

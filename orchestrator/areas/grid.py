@@ -16,14 +16,14 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 Area = str | Sequence[float]
-"""``"60x60"``, north and east [m], about the beacons; ``"-10,50,0,60"``: north from, north to, east
-from, east to [m]; or these numbers."""
+"""``"60x60"``: north and east about the beacons [m]; ``"-10,50,0,60"``: from and to north, from and
+to east [m]; or these numbers."""
 Cells = int | str | tuple[int, int]
-"""Cells along the longer side, which are square as far as whole numbers allow; or ``"40x60"`` or
-(40, 60): north and east."""
+"""Number of cells along the longer side; cells are as square as whole numbers allow. Or north and
+east: ``"40x60"`` or (40, 60)."""
 MOST_CELLS = 40_000
 FARTHEST = 10_000.0
-"""From the platform [m]."""
+"""Largest distance from the platform [m]."""
 DEEPEST = 11_000.0
 """[m]"""
 
@@ -39,7 +39,7 @@ class Grid:
     rows, columns
         Number of cells.
     depth
-        Of the diver [m].
+        Depth of the diver [m].
     """
 
     north: tuple[float, float]
@@ -60,23 +60,23 @@ class Grid:
 
     @property
     def size(self) -> tuple[float, float]:
-        """Of a cell, north and east [m]."""
+        """Size of a cell, north and east [m]."""
         (south, north), (west, east) = self.north, self.east
         return (north - south) / self.rows, (east - west) / self.columns
 
     @property
     def centres(self) -> Floats:
-        """Of the cells, NED [m]; (cells, 3)."""
+        """Middles of the cells, NED [m]; (cells, 3)."""
         north, east = np.meshgrid(*self.axes, indexing="ij")
         return np.stack([north.ravel(), east.ravel(), np.full(self.count, self.depth)], axis=1)
 
     @property
     def identity(self) -> tuple[object, ...]:
-        """All that says which cells they are."""
+        """Data that identify the cells."""
         return self.north, self.east, self.shape, self.depth
 
     def placed(self, cell: Integers, replicate: Integers, seed: int) -> dict[str, Floats]:
-        """Parameters of the target in some runs: the middle of the circle, that of the cell."""
+        """Parameters of the target in some runs: the middle of its circle is that of the cell."""
         return {"target.center": self.centres[cell, :2]}
 
     @property
@@ -96,7 +96,7 @@ def grid_of(area: Area, depth: float, cells: Cells, middle: Sequence[float]) -> 
     Parameters
     ----------
     middle
-        North and east of what an area without bounds is about [m].
+        North and east of the middle of an area that is given without bounds [m].
 
     Raises
     ------
@@ -119,7 +119,7 @@ def grid_of(area: Area, depth: float, cells: Cells, middle: Sequence[float]) -> 
 
 
 def _bounds(area: Area, middle: Sequence[float]) -> tuple[tuple[float, float], tuple[float, float]]:
-    """North and east, from and to [m]."""
+    """Bounds: from and to north, from and to east [m]."""
     parts: Sequence[object] = area if isinstance(area, list | tuple) else ()
     if isinstance(area, str):
         parts = [number(part) for part in re.split("x|×" if "," not in area else ",", area)]
@@ -166,7 +166,7 @@ def _counts(cells: Cells, height: float, width: float) -> tuple[int, int]:
 
 
 def number(text: str) -> float:
-    """The number in a text; NaN if it is none."""
+    """The number in a text; NaN if it has none."""
     try:
         return float(text)
     except ValueError:

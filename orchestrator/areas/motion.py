@@ -18,17 +18,17 @@ from ..scenario.tracks import FILE_KEYS
 Floats = NDArray[np.float64]
 
 RADIUS = 3.0
-"""Of the circle [m]: at 0.3 m/s a turn takes a minute."""
+"""Default radius of the circle [m]: at 0.3 m/s a turn takes a minute."""
 _WITHOUT_SPEED = tuple(name for name, it in FOUND.items() if "speed" not in it.all)
 _NOISE = ("seed", "stream")
 _MOST_TURNS = float(TARGET["turns"].max or 0)
 _HALF_TURNED = 1.1655611852
-"""Half the angle by which a diver turns in the time that asks most of a filter [rad]: where
+"""Half the angle by which a diver turns in the time that is hardest for a filter [rad]: where
 sin²(x)/x is largest."""
 _ALLOWED = 2.0
 """Standard deviations of the velocity's change that a receiver allows for. In maps of the systems
-of ``new --like`` lbl, buoys and water-linked the 95 % error was 2 to 34 % above that with a better
-q beyond this, and at most 1 % below it."""
+of ``new --like`` lbl, buoys and water-linked, the 95 % error beyond this limit was 2 to 34 % above
+that with a better q. Below the limit it was at most 1 % above."""
 
 
 @dataclass(frozen=True)
@@ -38,23 +38,24 @@ class Circle:
     Attributes
     ----------
     radius, speed
-        [m], [m/s].
+        Radius [m] and speed [m/s].
     """
 
     radius: float
     speed: float
 
     def position(self, centres: Floats, time_s: float) -> Floats:
-        """Where divers are that began in the north of their circles, NED [m]; as ``centres``."""
+        """Positions of divers that began in the north of their circles, NED [m]; shaped as
+        ``centres``."""
         angle = self.speed * time_s / self.radius
         offset: Floats = self.radius * np.array([np.cos(angle), np.sin(angle), 0.0])
         return centres + offset
 
     def doubt(self, receiver: str, acceleration_psd: float) -> str:
-        """Whether it turns faster than a receiver allows for, in words; empty if not.
+        """Whether the diver turns faster than a receiver allows for, in words; empty if not.
 
-        The velocity changes by 2v sin(vτ/2R) in a time τ. White acceleration of the density q
-        changes it by √(2qτ), root mean square, north and east together. Their ratio is largest
+        The velocity changes by 2v sin(vτ/2R) in a time τ. White acceleration with the density q
+        changes it by √(2qτ) (root mean square, north and east together). Their ratio is largest
         where vτ/2R is `_HALF_TURNED`.
 
         Parameters
@@ -124,12 +125,12 @@ def circle_of(
 
 
 def circling(scenario: Scenario, circle: Circle, depth: float, duration_s: float) -> Scenario:
-    """The scenario with that motion, about the origin, for a time [s].
+    """The scenario with that motion about the origin, for a time [s].
 
     Raises
     ------
     ConfigurationError
-        The target is somebody else's, or the receiver begins at a place that is given.
+        The target is an FMU from another tool, or the receiver begins at a given place.
     """
     if scenario.target.fmu is not None:
         raise ConfigurationError(
@@ -158,7 +159,7 @@ def circling(scenario: Scenario, circle: Circle, depth: float, duration_s: float
 
 
 def _path_keys() -> set[str]:
-    """Keys that say where the diver goes."""
+    """Keys that describe the diver's path."""
     own = {v.key for v in TARGET.of("parameter") if v.needs and v.name not in _NOISE}
     return own | {"trajectory", *FILE_KEYS}
 

@@ -1,4 +1,4 @@
-"""What is possible in each cell: the recursion along its circle, and the dilution of precision."""
+"""The possible error in each cell: the recursion along its circle, and dilution of precision."""
 
 from __future__ import annotations
 
@@ -32,23 +32,23 @@ class Middles(Protocol):
 
     @property
     def centres(self) -> Floats:
-        """Their middles, NED [m]: the first ones of all cells, then the second ones; (n, 3)."""
+        """Their middles, NED [m]: the first middle of every cell, then the second ones; (n, 3)."""
 
 
 @dataclass(frozen=True, eq=False)
 class PossibleInCells:
-    """Of each cell; shape (cells,).
+    """What is possible in each cell; shape (cells,).
 
     Attributes
     ----------
     percentile
-        Length that an error with the covariances of the recursion stays below in 95 % [m].
+        Length that holds 95 % of the errors with the covariances of the recursion [m].
     accuracy
-        Whether that is an accuracy: the posterior is no ring at most of the epochs.
+        Whether this is an accuracy: at most epochs the posterior is not a ring.
     hdop
-        Horizontal dilution of precision in its middle.
+        Horizontal dilution of precision in the middle of the cell.
     rms
-        Root mean square of such an error [m].
+        Root mean square of these errors [m].
     """
 
     percentile: Floats
@@ -70,14 +70,14 @@ def possible(
     Parameters
     ----------
     scenario
-        Of our own target, platform and acoustics.
+        A scenario with our own target, platform and acoustics.
     grid
-        The cells of an area, or distances; where a cell has several middles, the diver is in each
-        of them as often.
+        The cells of an area, or distances. If a cell has several middles, the diver is in each of
+        them equally often.
     error
         Which length: ``FRAME_horizontal`` or ``FRAME_total``, absolute or relative.
     span_s
-        When errors begin to count, and the end, from the start [s].
+        When errors begin to count, and the end, in seconds after the start.
     """
     centres = grid.centres
     q = circle_psd(
@@ -109,7 +109,7 @@ def possible(
 def left_out(
     scenario: Scenario, grid: Middles, best: PossibleInCells, span_s: tuple[float, float]
 ) -> dict[str, Floats]:
-    """The errors that `possible` leaves out and that matter in any cell, RMS [m]; each (cells,).
+    """The errors that `possible` leaves out and that matter in some cell, RMS [m]; each (cells,).
 
     Parameters
     ----------
@@ -129,7 +129,7 @@ def left_out(
 
 
 def caveat(errors: Mapping[str, Floats]) -> str:
-    """What is left out in a sentence; empty if there is nothing to say."""
+    """A sentence about what is left out; empty if there is nothing to say."""
     sizes = {}
     for words, it in errors.items():
         known = it[np.isfinite(it)]

@@ -41,21 +41,21 @@ Floats = NDArray[np.float64]
 
 TABLE, GEOJSON = "cells", "contours.geojson"
 NOISE, FLAT = 20.0, 0.2
-"""What the colours span at least: standard errors, and share of their middle."""
+"""Smallest range of the colours: in standard errors, and relative to their middle."""
 _figures = Module("sblcosim.areas.figures")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class AreaMap(Answer):
-    """The 95 % error of a receiver over an area, beside what is possible there.
+    """The 95 % error of a receiver over an area, with the possible error.
 
     Attributes
     ----------
     scenario
-        What was simulated: the given scenario, with a diver who circles about the origin; in a
-        cell, about its middle.
+        What was simulated: the given scenario, with a diver who circles about the origin. In a
+        cell, the circle is about the cell's middle.
     receiver
-        Its label.
+        Label of the receiver.
     settings
         The arguments of `map_area`, with all defaults, as plain data.
     motion
@@ -63,22 +63,22 @@ class AreaMap(Answer):
     grid
         The cells.
     cells
-        A row per cell, rows of the area from south to north, each from west to east: ``north_m``,
-        ``east_m``, ``depth_m`` of its middle; ``runs``; ``p95_m`` and its ``std_error_m``, infinite
-        where more than 5 % of the runs have no estimate; ``lost_share`` and ``availability``, of
-        its own runs; ``possible_p95_m``, what is possible, missing where ``accuracy`` is false, as
-        there is none; ``hdop``.
+        A row per cell, in rows of the area from south to north, each from west to east:
+        ``north_m``, ``east_m`` and ``depth_m`` of its middle; ``runs``; ``p95_m`` and its
+        ``std_error_m``, infinite where more than 5 % of the runs have no estimate; ``lost_share``
+        and ``availability`` of the cell's own runs; ``possible_p95_m``, the possible error, missing
+        where ``accuracy`` is false; ``hdop``.
     failures
-        Messages of runs that have failed, with their number.
+        Messages of failed runs, with their number.
     beacons
-        In still water, NED [m]; (N, 3).
+        Positions in still water, NED [m]; (N, 3).
     origin
-        On Earth, if the scenario says where it is.
+        Position on Earth, if the scenario has one.
     doubt
-        What the receiver is not made for, in words; empty if there is nothing to say.
+        Why the receiver does not suit this motion, in words; empty if it does.
     left_out
-        Estimated RMS of errors that what is possible leaves out and that matter [m], by what they
-        are in words; each as long as the table.
+        Estimated RMS of the errors that the possible error leaves out and that matter [m], keyed by
+        a description; each as long as the table.
     """
 
     document = "map"
@@ -108,10 +108,10 @@ class AreaMap(Answer):
 
     @property
     def colours(self) -> tuple[float, float]:
-        """Least and largest 95 % error that the figure's colours are for, for both maps [m].
+        """Smallest and largest 95 % error on the figure's colour scale, for both maps [m].
 
-        They span `NOISE` standard errors and `FLAT` of the middle at least, so that noise does not
-        look like a structure.
+        The scale spans at least `NOISE` standard errors and `FLAT` of its middle, so that noise
+        does not look like a structure.
         """
         low, high = self._extremes
         noise = self.of("std_error_m")[np.isfinite(self.of("p95_m"))]
@@ -125,7 +125,7 @@ class AreaMap(Answer):
 
     @property
     def _extremes(self) -> tuple[float, float]:
-        """Least and largest 95 % error of both maps [m]."""
+        """Smallest and largest 95 % error of both maps [m]."""
         values = np.concatenate([self.of("p95_m"), self.of("possible_p95_m")])
         known = values[np.isfinite(values)]
         return (float(known.min()), float(known.max())) if len(known) else (0.0, 1.0)
@@ -138,9 +138,9 @@ class AreaMap(Answer):
         return Picture(axes)
 
     def geojson(self) -> dict[str, Any] | None:
-        """The contours on Earth (RFC 7946), if the scenario says where it is.
+        """The contours on Earth (RFC 7946), if the scenario has a place on Earth.
 
-        Lines of equal error, and with a limit the polygons in which it is kept, if there are any.
+        Lines of equal error, and with a limit the polygons that keep it, if there are any.
         """
         if self.origin is None:
             return None
@@ -151,7 +151,7 @@ class AreaMap(Answer):
         return contours.geojson(self.grid, maps, self.limit_m, self.origin)
 
     def summary(self) -> dict[str, Any]:
-        """Numbers over all cells; those of no cell are NaN."""
+        """Numbers over all cells; NaN if no cell has a value."""
         cells, limit = self.cells, self.limit_m
         known = cells[np.isfinite(cells["p95_m"])]
         lost = float((cells["lost_share"] * cells["runs"]).sum() / cells["runs"].sum())
@@ -187,7 +187,7 @@ class AreaMap(Answer):
         return plain
 
     def manifest(self) -> dict[str, Any]:
-        """What was simulated, and what came of it."""
+        """What was simulated, and the outcome."""
         words = ("doubt", "caveat", "data_sheet")
         made = {key: it for key, it in self.to_json().items() if key not in words}
         return {"map": made, "scenario": self.scenario.dump_toml()}
@@ -195,7 +195,7 @@ class AreaMap(Answer):
     def write(
         self, folder: Path, theme: style.ThemeName = "light", figures: bool = True
     ) -> None:
-        """With the contours on Earth."""
+        """Like `Answer.save`, with the contours on Earth."""
         super().write(folder, theme, figures)
         on_earth = self.geojson()
         if on_earth is not None:
@@ -226,12 +226,12 @@ class AreaMap(Answer):
 
     @property
     def figures(self) -> list[Job]:
-        """The map, a narrow one, and how certain it is."""
+        """The map, a narrow one, and maps of its certainty."""
         return jobs(FIGURES, self)
 
     @property
     def answer(self) -> str:
-        """Errors, what is possible, where the requirement is kept, the data sheet; a line each."""
+        """Errors, possible errors, where the requirement is kept, the data sheet; one line each."""
         return "\n".join([*self._answers(), self.data_sheet])
 
     @property
@@ -258,7 +258,7 @@ class AreaMap(Answer):
         )
 
     def _place(self) -> str:
-        """The area in words: its size about the beacons, or its bounds."""
+        """The area in words: its size around the beacons, or its bounds."""
         grid = self.grid
         (south, north), (west, east) = grid.north, grid.east
         middle = self.beacons.mean(0)
@@ -273,7 +273,7 @@ class AreaMap(Answer):
 
     @property
     def remarks(self) -> list[str]:
-        """What must be known to read the answer, a line each."""
+        """Remarks that are needed to read the answer, one line each."""
         return [*self._remarks()]
 
     def _answers(self) -> Iterator[str]:
@@ -337,7 +337,7 @@ class AreaMap(Answer):
 
 
 def _three(values: pd.Series[float]) -> list[float]:
-    """Least, median and largest."""
+    """Smallest, median and largest value."""
     if not len(values):
         return [np.nan] * 3
     return [float(values.min()), float(values.median()), float(values.max())]
@@ -357,7 +357,7 @@ def _errors(three: list[float]) -> str:
 
 
 def part(share: float) -> str:
-    """A share of an area. It shows whether there is any, and whether it is all."""
+    """A share of an area, worded so that neither none nor all is hidden by rounding."""
     if share in (0.0, 1.0):
         return "all" if share else "no part"
     if share < 0.01:
@@ -366,7 +366,7 @@ def part(share: float) -> str:
 
 
 def widened(low: float, high: float, least: float) -> tuple[float, float]:
-    """Bounds of colours about some values, so far apart at least; not below 0."""
+    """Bounds of colours around some values, at least the given distance apart; not below 0."""
     middle = (low + high) / 2
     least = max(least, FLAT * abs(middle))
     if high - low >= least > 0:

@@ -1,4 +1,4 @@
-"""Distances from the platform, at depths: in each, divers in all directions."""
+"""Distances from the platform, at depths, with divers in all directions."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 Distance = str | float | Sequence[float]
-"""``60``: from the platform to there [m]; ``"5,60"`` or (5, 60): from and to."""
+"""``60``: from the platform to this distance [m]; ``"5,60"`` or (5, 60): from and to."""
 Depths = float | Sequence[float]
-"""One or several [m]."""
+"""One depth or several [m]."""
 MOST_DISTANCES, MOST_DEPTHS = 1_000, 20
 BEARINGS = 16
-"""Directions in which what is possible is taken, evenly around the platform."""
+"""Directions for the possible error, evenly around the platform."""
 _TURN = (np.sqrt(5.0) - 1) / 2
-"""Of a full turn between the directions of a distance's runs: of so many as there are, they are
-spread evenly (the golden ratio)."""
+"""Fraction of a full turn between the directions of consecutive runs (the golden ratio): any number
+of runs is spread evenly."""
 
 
 @dataclass(frozen=True)
@@ -34,9 +34,9 @@ class Rings:
     Attributes
     ----------
     middle
-        What distances are from: north and east [m].
+        Origin of the distances: north and east [m].
     distances, depths
-        [m].
+        Distances and depths [m].
     """
 
     middle: tuple[float, float]
@@ -45,17 +45,17 @@ class Rings:
 
     @property
     def count(self) -> int:
-        """Distances at all depths."""
+        """Number of distances at all depths."""
         return len(self.distances) * len(self.depths)
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Depths and distances."""
+        """Numbers of depths and distances."""
         return len(self.depths), len(self.distances)
 
     @property
     def identity(self) -> tuple[object, ...]:
-        """All that says which they are."""
+        """Data that identify the distances and depths."""
         return self.middle, self.distances, self.depths
 
     @property
@@ -91,7 +91,7 @@ class Rings:
 def rings_of(
     distance: Distance, depth: Depths, cells: int, middle: Sequence[float]
 ) -> Rings:
-    """The distances that are asked for.
+    """The requested distances.
 
     Raises
     ------
@@ -111,7 +111,7 @@ def rings_of(
 
 
 def _bounds(distance: Distance) -> tuple[float, float]:
-    """From and to [m]."""
+    """Smallest and largest distance [m]."""
     given = [number(it) for it in distance.split(",")] if isinstance(distance, str) else distance
     parts: Sequence[object] = given if isinstance(given, list | tuple) else [given]
     numbers = [float(it) for it in parts if is_number(it)]  # type: ignore[arg-type]

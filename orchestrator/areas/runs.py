@@ -1,4 +1,4 @@
-"""The runs of cells, and what is kept of each: order statistics of its errors."""
+"""The runs of cells, and what is kept of each: ten percentiles of its errors."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class CellRuns:
         Order statistics of the lengths of its errors [m], infinite without an estimate; (runs,
         len(PERCENTAGES)).
     lost
-        Whether it is lost, broken or without an estimate; (runs,).
+        Whether the run is lost, broken or without an estimate; (runs,).
     availability
         Share of the time with a valid estimate; (runs,).
     rms
@@ -71,11 +71,11 @@ class CellRuns:
 
 
 class Whereabouts(Protocol):
-    """Where divers are: the cells of an area, or distances from the platform."""
+    """Places of divers: the cells of an area, or distances from the platform."""
 
     @property
     def count(self) -> int:
-        """How many there are."""
+        """Number of cells."""
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -83,30 +83,30 @@ class Whereabouts(Protocol):
 
     @property
     def identity(self) -> tuple[object, ...]:
-        """All that says which they are."""
+        """Data that identify the cells."""
 
     def placed(self, cell: Integers, replicate: Integers, seed: int) -> dict[str, Floats]:
         """Parameters of the target in some runs, by name; each (runs, …)."""
 
 
 class Simulator:
-    """Runs of a receiver in some cells; each run has a seed that no other one has.
+    """Runs of a receiver in some cells; each run has its own seed.
 
     Parameters
     ----------
     scenario
-        Whose diver circles about the origin; see `motion.circling`.
+        A scenario whose diver circles about the origin; see `motion.circling`.
     cells
-        Where.
+        Places of the divers.
     error
-        Which length, of `sblcosim.simulation.masters.lanes_driver.LENGTHS`.
+        Kind of length, from `sblcosim.simulation.masters.lanes_driver.LENGTHS`.
 
     Attributes
     ----------
     receiver
-        Its label.
+        Label of the receiver.
     failures
-        Messages of runs that have failed, each with their number.
+        Messages of failed runs, each with their number.
     """
 
     def __init__(
@@ -132,7 +132,7 @@ class Simulator:
 
     @property
     def in_lanes(self) -> bool:
-        """Whether many runs go side by side."""
+        """Whether many runs are executed side by side."""
         return self.campaign.groups[0].in_lanes
 
     def seeds(self, cell: Integers, replicate: Integers) -> Integers:
@@ -147,7 +147,7 @@ class Simulator:
         return seeds
 
     def bearings(self, cell: Integers, replicate: Integers) -> Floats:
-        """Where on the circle each run begins [rad]."""
+        """Starting bearing of each run on its circle [rad]."""
         found = np.empty(len(cell))
         for number in np.unique(replicate).tolist():
             draw = np.random.Generator(np.random.Philox(key=[self.base.seed, number]))
@@ -167,12 +167,12 @@ class Simulator:
         Parameters
         ----------
         keep
-            Where finished runs are kept, which are not done again; None: nothing is written.
+            Folder of finished runs, which are not repeated; None: nothing is written.
 
         Raises
         ------
         ConfigurationError
-            All of them have failed.
+            All runs failed.
         """
         seeds = self.seeds(cell, replicate)
         folder = None if keep is None else keep.of(*self._identity())
@@ -197,7 +197,7 @@ class Simulator:
         return self._sample(pd.concat(tables, ignore_index=True).set_index("seed").loc[seeds])
 
     def _identity(self) -> tuple[object, ...]:
-        """All that makes a run but its cell and its number."""
+        """Everything that decides a run, except its cell and its number."""
         return (self.campaign.digest, self.base.seed, *self.cells.identity, "rms")
 
     def _part(
@@ -231,7 +231,7 @@ class Simulator:
         })  # fmt: skip
 
     def _sample(self, rows: pd.DataFrame) -> CellRuns:
-        """The kept numbers of some runs, and the messages of failed ones."""
+        """The recorded numbers of some runs, and the messages of failed ones."""
         failed = rows["error"].dropna()
         for message in failed:
             self.failures[message] = self.failures.get(message, 0) + 1
@@ -255,12 +255,12 @@ def _rms(judged: pd.DataFrame, error: str) -> Floats:
 
 
 def _runs(seeds: Integers) -> list[Run]:
-    """Runs of a part, by their seeds."""
+    """The runs of a part, identified by their seeds."""
     return [Run(i, 1, seed, f"{seed:016x}") for i, seed in enumerate(seeds.tolist())]
 
 
 def _kept(folder: Path, seeds: Integers) -> list[pd.DataFrame]:
-    """A table of the runs that are there, if any."""
+    """A table of the existing runs, if any."""
     there = sound(folder)
     rows = parts.table(there) if there.paths else pd.DataFrame({"seed": ()})
     mine = rows[rows["seed"].isin(seeds)]
@@ -268,7 +268,7 @@ def _kept(folder: Path, seeds: Integers) -> list[pd.DataFrame]:
 
 
 class _Points(Sequence[Point]):
-    """A point for each run, made when a run goes alone."""
+    """A study point for each run, made when a run is executed alone."""
 
     def __init__(self, point: Point, values: Mapping[str, Floats]) -> None:
         self._point, self._values = point, values
@@ -296,7 +296,7 @@ class _Points(Sequence[Point]):
 
 
 def check_times(duration_s: float, settling_s: float) -> None:
-    """Refuse a run that is over before errors count.
+    """Refuse a run that ends before errors count.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Simulate the cells of an area, and more of them where the requirement is met or not."""
+"""Simulate the cells of an area, with more runs where the error is close to the requirement."""
 
 from __future__ import annotations
 
@@ -33,15 +33,17 @@ from .runs import CellRuns, Simulator, check_times
 Integers = NDArray[np.int64]
 
 CELLS, RUNS, DURATION, SETTLING = 60, 20, 60.0, 20.0
-"""Along the longer side; in a cell; of a run, and until errors count [s]."""
+"""Number of cells along the longer side, and of runs in a cell; duration of a run, and time until
+errors count [s]."""
 MOST_ALONE = {"Python": 2_000, "FMU": 20_000}
-"""Runs of receivers that do not go side by side: a run takes tenths of a second in Python."""
+"""Limit on runs of receivers that are executed one by one: in Python a run takes tenths of a
+second."""
 NEAR = 2.0
 """Standard errors within which a cell is near the requirement."""
 _EXTRA, _MOST_EXTRA = 4, 3
-"""There are up to a fourth of the first runs more, in a cell up to three times as many."""
+"""At most a fourth of the first runs is added, and at most three times a cell's own."""
 _FIRST_PART, _LAST_PART = 0.1, 0.9
-"""Shares of the progress when the first runs begin, and when the last have ended."""
+"""Shares of the progress at which the first runs begin and the last have ended."""
 
 
 @interruptible
@@ -65,45 +67,46 @@ def map_area(
     progress: Callable[[float], None] | None = None,
     keep: Kept | None = None,
 ) -> AreaMap:
-    """The 95 % error of a receiver over an area, beside what is possible there.
+    """The 95 % error of a receiver over an area, with the possible error there.
 
-    In each cell a diver circles about its middle, run by run from another bearing and with other
-    noise than in all other runs. The errors of all epochs and runs make one distribution, pooled
-    with those of neighbouring cells (`sblcosim.judge.pooling`); its 95th percentile is the number
-    of the cell. With a limit, a second round of runs goes to the cells whose interval of two
-    standard errors has the limit in it: up to a fourth of those of the first round.
+    In each cell a diver circles about its middle. Every run starts at a different bearing and has
+    its own noise. The errors of all epochs and runs form one distribution, pooled with those of
+    neighbouring cells (`sblcosim.judge.pooling`). Its 95th percentile is the number of the cell.
+    With a limit, a second round of runs goes to the cells whose interval of two standard errors
+    contains the limit: up to a fourth of the first round.
 
     Parameters
     ----------
     scenario, overrides
         As in `sblcosim.run`.
     area
-        ``"60x60"``, north and east [m], about the middle of the beacons, or bounds
-        ``"-10,50,0,60"``: north from, north to, east from, east to [m]; or these numbers.
+        ``"60x60"``: north and east about the middle of the beacons [m]; ``"-10,50,0,60"``: from and
+        to north, from and to east [m]; or these numbers.
     depth
-        Of the diver [m].
+        Depth of the diver [m].
     receiver
-        A name, an FMU file, ``"file.py:Class"`` or a class; None: the scenario's own. Our own run
-        many at a time; those of others go one by one, so there can be fewer (`MOST_ALONE`).
+        A name, an FMU file, ``"file.py:Class"`` or a class; None: the scenario's own. Many runs of
+        our own receivers are executed side by side. Those of others are executed one by one, so
+        fewer are allowed (`MOST_ALONE`).
     limit_m
         The requirement [m], for its contour.
     cells
         Number of cells along the longer side, or ``"40x60"``: north and east.
     runs
-        In each cell, in the first round.
+        Number of runs in each cell, in the first round.
     error
-        Which length: ``absolute_total``, ``absolute_horizontal``, ``relative_total`` or
+        Kind of length: ``absolute_total``, ``absolute_horizontal``, ``relative_total`` or
         ``relative_horizontal``.
     duration_s, settling_s
         Length of a run, and the time until its errors count [s].
     radius_m, speed_m_s
-        Of the circle [m], and the diver's speed [m/s]; None: that of the scenario.
+        Radius of the circle [m], and the diver's speed [m/s]; None: that of the scenario.
     workers
-        Threads; the result does not depend on them. None: all cores.
+        Number of threads; the result does not depend on it. None: all cores.
     progress
         Called with the completed share, 0 to 1.
     keep
-        Where finished runs are kept, which are not done again; None: nothing is written.
+        Folder of finished runs, which are not repeated; None: nothing is written.
 
     Raises
     ------
@@ -143,7 +146,7 @@ def map_area(
 
 
 def doubt_of(circle: Circle, scenario: Scenario, label: str, receiver: Source | None) -> str:
-    """Whether the circle is too fast for a receiver of ours; nothing is known of others."""
+    """Whether the circle is too fast for one of our receivers; nothing is known of others."""
     own = receiver or scenario.receiver.fmu or scenario.receiver.type
     key = "acceleration_psd_m2_s3"
     ours = RECEIVERS[own].of("parameter") if isinstance(own, str) and own in RECEIVERS else ()
@@ -161,7 +164,7 @@ def _surveyed(
     told: Callable[[float], None],
     keep: Kept | None,
 ) -> tuple[CellRuns, Pooled]:
-    """The runs of both rounds, and what they say."""
+    """The runs of both rounds, and their numbers."""
     grid, seed = simulator.cells, simulator.base.seed
     first = grid.count * runs
     most = first + (0 if limit_m is None else first // _EXTRA)
@@ -192,7 +195,7 @@ def _surveyed(
 def second_round(
     pooling: Pooled, limit_m: float, runs: int, most: int
 ) -> tuple[Integers, Integers]:
-    """Cells and replicates of the second round, the nearest to the limit first."""
+    """Cells and replicates of the second round, those closest to the limit first."""
     with np.errstate(invalid="ignore"):
         away = np.abs(pooling.percentile - limit_m) / pooling.std_error
     near = np.flatnonzero(away <= NEAR)
@@ -226,7 +229,7 @@ def _table(grid: Grid, sample: CellRuns, pooling: Pooled, best: PossibleInCells)
 
 
 def check(scenario: Scenario, limit_m: float | None, runs: int, workers: int | None) -> None:
-    """Refuse numbers out of range, and components of others."""
+    """Refuse numbers out of range, and components from other tools."""
     if limit_m is not None and not (isinstance(limit_m, int | float) and 0 < limit_m < np.inf):
         raise ConfigurationError(
             f"map limit: must be more than 0 m, got {shortened(instance(limit_m))}"
@@ -251,15 +254,15 @@ def check(scenario: Scenario, limit_m: float | None, runs: int, workers: int | N
 
 
 def check_work(simulator: Simulator, runs: int) -> None:
-    """Refuse more runs of somebody's receiver than end in reasonable time."""
+    """Refuse more runs of another tool's receiver than end in reasonable time."""
     if simulator.in_lanes:
         return
     components = simulator.campaign.groups[0].plan.components
     kind = "FMU" if all(isinstance(c.source, Fmu) for c in components) else "Python"
     if runs > MOST_ALONE[kind]:
         raise ConfigurationError(
-            f"map cells: must be so few that there are at most {MOST_ALONE[kind]:,} runs of a "
-            f"receiver that goes one by one ({kind}), got {runs:,}"
+            f"map cells: must be few enough for at most {MOST_ALONE[kind]:,} runs of a "
+            f"receiver whose runs go one by one ({kind}), got {runs:,}"
         )
 
 
