@@ -1,1 +1,1 @@
-"""Paired runs: what an error comes from, and which receiver is better."""
+"""Paired runs: which sources an error comes from, and which receiver is better."""

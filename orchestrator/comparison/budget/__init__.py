@@ -1,1 +1,1 @@
-"""What an error comes from."""
+"""The sources that an error comes from."""

@@ -1,4 +1,4 @@
-"""What is possible with each switch: the reference of `sblcosim.limits` along the same runs."""
+"""The possible error with each switch: the reference of `sblcosim.limits` along the same runs."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from ...results.result import Result
 from ...scenario.scenario import Scenario, load
 
 BOUND_RUNS = 3
-"""Runs over which a bound is averaged: it hardly depends on them."""
+"""Runs over which a bound is averaged; it hardly depends on the number."""
 _RECEIVER = "multilateration"
 _ALONG = re.compile(r"_amplitude_|loss_probability")
-"""Keys that change a path, or what is received."""
+"""Keys that change a path or the received samples."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class BoundBySwitch:
     kind
         ``bound`` or ``reference``.
     acceleration_psd
-        q of the diver [m²/s³], the same with all switches; the mean over the runs.
+        q of the diver [m²/s³], the same with all switches; averaged over the runs.
     """
 
     squares: Mapping[str, Mapping[str, float]]
@@ -48,10 +48,10 @@ def bounds(
     seed: int,
     acceleration_psd: float | None = None,
 ) -> BoundBySwitch | None:
-    """What is possible with each switch; None where the surroundings are not ours.
+    """The possible error with each switch; None if platform, acoustics or target are not ours.
 
-    It is averaged over the first runs, from the first fix of three ranges on. Errors that change
-    neither paths nor what is received are looked at along the same run.
+    It is averaged over the first runs, beginning at the first fix of three ranges. Sources that
+    change neither paths nor received samples are evaluated along the same run.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def bounds(
 def _run(scenario: Scenario) -> Result | None:
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # the receiver's runs have given the warnings
+            warnings.simplefilter("ignore")  # the receiver's runs have already issued the warnings
             return run(scenario, _RECEIVER)
     except SblcosimError:
         return None

@@ -1,4 +1,4 @@
-"""The figure of a budget: which part of the mean square goes with each error."""
+"""The figure of a budget: the share of the mean square that goes with each error."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .result import FRAMES, Budget, bars
 _NARROW = 5.0
 """Width of a figure [inch] below which the names of the sources are wrapped sooner."""
 _CHARACTERS = 12.0
-"""Of a title or label, per inch."""
+"""Characters of a title or label per inch."""
 
 
 def plot_budget(
@@ -23,8 +23,8 @@ def plot_budget(
 ) -> Axes:
     """Shares of the mean square that go with each source alone, of the receiver and of the bound.
 
-    Whiskers are the 95 % intervals. The sources of error are sorted; below them stand what is left
-    when all are switched, and what does not add up. Sources of 0 % are named in a line below.
+    Whiskers are the 95 % intervals. Sources are sorted. Below them are the error that is left when
+    all are switched, and what does not add up. Sources of 0 % are named in a line below.
     """
     names, none = bars(budget, frame)
     rows = budget.of(frame).loc[names]

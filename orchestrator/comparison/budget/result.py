@@ -33,15 +33,15 @@ FRAMES: Mapping[str, str] = {
     "absolute": "absolute position",
     "own_relative": "position relative to the platform's true one",
 }
-"""Frames that a receiver and a bound have in common, and what is in error there."""
+"""Frames that a receiver and a bound share, and what the error is of."""
 ALL, NONE, REMAINDER = "all", "what is left", "does not add up"
-"""Names of the rows that are no sources."""
+"""Names of the rows that are not sources."""
 _NAMED = 4
-"""Sources that the sentence names at most."""
+"""Largest number of sources in the sentence."""
 HALF_PERCENT = 0.005
-"""Shares below this are 0 %."""
+"""Shares below this are shown as 0 %."""
 _LEAST = 0.02
-"""Shares below this are not in the sentence."""
+"""Shares below this are left out of the sentence."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -51,30 +51,31 @@ class Budget(Answer):
     Attributes
     ----------
     table
-        A row for each ``source`` and ``frame``, and of ``kind``: ``all`` (nothing switched),
-        ``source``, ``together`` (some sources), ``rest`` (all switched), ``remainder`` (what does
-        not add up). ``rms_m`` is the error without the source, ``share`` the part of the mean
-        square that goes with it, from ``share_low`` to ``share_high`` at 95 %; ``alone_rms_m`` is
-        the error with all others switched, ``alone_share`` what the source adds to the rest, as a
-        part of the whole mean square. ``bound_…`` are the same of the bound.
+        A row for each ``source`` and ``frame``, of a ``kind``: ``all`` (nothing switched),
+        ``source``, ``together`` (some sources), ``rest`` (all switched) or ``remainder`` (what does
+        not add up). ``rms_m`` is the error without the source. ``share`` is the part of the mean
+        square that goes with it, with the 95 % interval from ``share_low`` to ``share_high``.
+        ``alone_rms_m`` is the error with all others switched, ``alone_share`` what the source adds
+        to the rest, as a part of the whole mean square. Columns ``bound_…`` are the same for the
+        bound.
     runs, dropped
-        Runs with each switch, and those that are left out because one of them failed.
+        Runs with each switch, and those left out because one of them failed.
     seed
-        Of the first run.
+        Seed of the first run.
     better
         Whether sources are replaced by better equipment, instead of switched off.
     untold
-        Whether the receiver assumes what it does without any switch.
+        Whether the receiver keeps the assumptions that it has without any switch.
     lost
-        Share of the runs, without any switch, at whose end the receiver is lost.
+        Share of the runs, without any switch, that end lost.
     bound_runs, bound_kind, acceleration_psd
         Runs over which the bound is averaged, ``bound`` or ``reference``, and its q [m²/s³].
     fixed
-        Sources with errors that are the same in every run.
+        Sources whose errors are the same in every run.
     unchanged
-        Sources for which there is nothing better.
+        Sources for which no better equipment is known.
     given
-        Keys of the receiver that the scenario says, so no switch changes them.
+        Keys of the receiver that the scenario sets, so that no switch changes them.
     settings
         The scenario.
     """
@@ -125,12 +126,12 @@ class Budget(Answer):
 
     @property
     def answer(self) -> str:
-        """Which error of the absolute position matters, in a sentence."""
+        """The sources of the error in the absolute position, in a sentence."""
         return self.answer_of("absolute")
 
     @property
     def frames(self) -> list[str]:
-        """Frames in which there is an error."""
+        """Frames with an error."""
         return [*dict.fromkeys(self.table["frame"])]
 
     @property
@@ -148,11 +149,11 @@ class Budget(Answer):
 
     @property
     def remarks(self) -> list[str]:
-        """What must be known to read the numbers of the absolute position, a line each."""
+        """Remarks that are needed to read the numbers of the absolute position, one line each."""
         return [*self._notes("absolute")]
 
     def answer_of(self, frame: str) -> str:
-        """Which error of a frame matters, in a sentence."""
+        """The sources of the error in a frame, in a sentence."""
         rows = self.of(frame)
         found = rows[rows["kind"] == "source"]
         named = found[(found["share"] >= _LEAST) & (found["share_low"] > 0)].head(_NAMED)
@@ -183,7 +184,7 @@ class Budget(Answer):
         return "; ".join(parts)
 
     def label(self, source: str) -> str:
-        """A row's name, with what is better, or what all is switched."""
+        """A row's name, with the better equipment, or with how all sources are switched."""
         done = "better" if self.better else "off"
         better = SOURCES[source].better if self.better and source in SOURCES else ""
         return {ALL: "nothing", NONE: f"{NONE}, all {done}"}.get(
@@ -193,14 +194,14 @@ class Budget(Answer):
     def text(
         self, frame: str = "absolute", *, verbose: bool = False, width: int | None = None
     ) -> str:
-        """The sentence, the table, and what must be known to read it.
+        """The sentence, the table, and the remarks.
 
         Parameters
         ----------
         frame
             ``absolute``, or ``own_relative`` if the receiver has such an output.
         verbose
-            Say how the numbers were made.
+            Also explain how the numbers were made.
         width
             Columns of the terminal; None: lines are not wrapped.
         """
@@ -235,7 +236,7 @@ class Budget(Answer):
         return layout.table(body, width, head, range(1, len(head)))
 
     def _notes(self, frame: str) -> Iterator[str]:
-        """What must be known to read the numbers."""
+        """Remarks that are needed to read the numbers."""
         rows = self.of(frame)
         worse = rows[(rows["kind"] == "source") & (rows["share_high"] < 0)]["share"]
         if len(worse):
@@ -247,7 +248,7 @@ class Budget(Answer):
                 f"too much then{hint}"
             )
         if self.untold:
-            yield "untold: the receiver assumes what it does with all errors"
+            yield "untold: the receiver keeps its assumptions of the system with all errors"
         elif self.given:
             yield (
                 f"the receiver is not told of a switch by what the scenario gives it: "
@@ -311,13 +312,13 @@ class Budget(Answer):
     def write(
         self, folder: Path, theme: style.ThemeName = "light", figures: bool = True
     ) -> None:
-        """The table as CSV only, and a figure of each frame."""
+        """The table as CSV only, and a figure for each frame."""
         self.table.to_csv(folder / "budget.csv", index=False)
         for job in self.figures if figures else ():
             job.save(folder, theme)
 
     def manifest(self) -> dict[str, Any]:
-        """What the runs were; equal for equal budgets."""
+        """Description of the runs; equal for equal budgets."""
         told = self.to_json()
         kept = ("receiver", "runs", "dropped", "seed", "better", "untold",
                 "acceleration_psd_m2_s3")
@@ -333,7 +334,7 @@ class Budget(Answer):
 
 
 def _negative(share: float) -> str:
-    """A share below 0, however small."""
+    """A share below 0, even if tiny."""
     return whole_percent(share) if share < -0.005 else f"−{percent(-share, '.1g')}"
 
 
@@ -346,7 +347,7 @@ def _interval(low: float, high: float) -> str:
 def bars(budget: Budget, frame: str) -> tuple[list[str], list[str]]:
     """The rows that a figure shows, from top to bottom, and the sources of 0 %, which it names.
 
-    Of 0 % are a source's share and its interval, of the receiver and of the bound.
+    For a source of 0 %, share and interval are 0 %, for both the receiver and the bound.
     """
     rows = budget.of(frame)
     columns = ["share", "share_low", "share_high", "bound_share"]

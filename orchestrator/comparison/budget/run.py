@@ -1,4 +1,4 @@
-"""What an error comes from: each source switched off alone, and on alone, on the same noise.
+"""The sources of an error: each switched off alone, and on alone, with the same noise.
 
 >>> sblcosim.budget("realistic-dive")                                # doctest: +SKIP
 """
@@ -37,7 +37,7 @@ Floats = NDArray[np.float64]
 Overrides = Mapping[str, Any]
 
 RUNS = 400
-"""Runs with each switch, where none are asked for."""
+"""Default number of runs with each switch."""
 _RMS = "_total_rms_m"
 _WITHOUT, _ALONE = "without ", "alone "
 
@@ -68,44 +68,44 @@ def budget(
     progress: Callable[[float], None] | None = None,
     keep: Kept | None = None,
 ) -> Budget:
-    """Find out where the error of a receiver comes from.
+    """Find the sources of a receiver's error.
 
-    All runs with the same seed have the same noise, whatever is switched. Shares are of the mean
-    square of the total error over all runs; what does not add up is a row of its own.
+    All runs with the same seed have the same noise, whatever is switched. Shares are parts of the
+    mean square of the total error over all runs. A separate row has what does not add up.
 
     Parameters
     ----------
     scenario
-        As of `sblcosim.run`, but no SSP package.
+        As in `sblcosim.run`, but no SSP package.
     receiver
-        As of `sblcosim.run`, but a single one; None: the scenario's own.
+        As in `sblcosim.run`, but a single one; None: the scenario's own.
     overrides
         Keys of the scenario to change; see `sblcosim.load`.
     better
-        Replace each source by that of better equipment, instead of switching it off.
+        Replace each source with that of better equipment, instead of switching it off.
     together
-        Sources to switch together, too: ``"clock+sound speed"``, or sequences of names.
+        Sources to switch together as well: ``"clock+sound speed"``, or sequences of names.
     untold
-        Leave what the receiver assumes of the system as it is without any switch.
+        Let the receiver keep the assumptions that it has without any switch.
     runs
-        Number of runs with each switch, of consecutive seeds; 30 at least.
+        Number of runs with each switch, with consecutive seeds; at least 30.
     seed
-        Of the first run, and of the resampling; None: the scenario's.
+        Seed of the first run and of the resampling; None: the scenario's.
     acceleration_psd
-        q of the bound [m²/s³], the same for all switches; None: the receiver's, if the scenario
-        gives it, else that of the path. No choice where the motion is drawn from the model.
+        q of the bound [m²/s³], the same for all switches. None: the receiver's, if the scenario
+        sets it, else that of the path. Cannot be set where the motion is drawn from the model.
     workers
-        Threads; None: all cores.
+        Number of threads; None: all cores.
     progress
         Called with the completed share, 0 to 1.
     keep
-        Where finished runs are kept, which are not done again; None: nothing is written.
+        Folder of finished runs, which are not repeated; None: nothing is written.
 
     Raises
     ------
     ConfigurationError
-        The scenario or an argument is invalid, there is no error to look for, or too many runs
-        fail.
+        The scenario or an argument is invalid, the scenario has no source of error, or too many
+        runs fail.
     """
     base = scenarios.load(scenario, overrides)
     if isinstance(runs, bool) or not isinstance(runs, int) or runs < LEAST_RUNS:
@@ -180,7 +180,7 @@ def _rows(
 def _switches(
     base: Scenario, names: Sequence[str], rows: Sequence[_Row], better: bool
 ) -> dict[str, Overrides]:
-    """Overrides of the scenario, by what is done."""
+    """Overrides of the scenario, by kind of switch."""
     switches: dict[str, Overrides] = {ALL: {}}
     for row in rows:
         others = [name for name in names if name not in row.sources]
@@ -199,7 +199,7 @@ def _simulated(
     simulated: Callable[..., pd.DataFrame],
     progress: Callable[[float], None],
 ) -> tuple[str, dict[str, Floats], float, int]:
-    """The receiver, squares of its errors, (runs, frames) by switch, share lost, runs left out."""
+    """The receiver, squared errors (runs, frames) by switch, share of lost runs, dropped runs."""
     known: dict[str, pd.DataFrame] = {}
     label = ""
     for number, overrides in enumerate(switches.values()):
@@ -218,7 +218,7 @@ def _simulated(
             receivers=receivers,
         )  # fmt: skip
         with warnings.catch_warnings():
-            if overrides:  # what it says of the scenario has been said
+            if overrides:  # remarks on the scenario have been made already
                 warnings.simplefilter("ignore")
             known[key] = simulated(definition, part)
         if not label:
@@ -243,12 +243,12 @@ def _simulated(
 
 
 def _without_estimate(every: Sequence[Floats], failed: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Seeds with a run that has no error, by frame; a switch without any errors does not count.
+    """Seeds with a run that has no error, by frame; a switch that never gives errors is ignored.
 
     Parameters
     ----------
     every
-        Errors with each switch, the first one without any; (runs, frames).
+        Errors with each switch, beginning without any; (runs, frames).
     failed
         Seeds that are left out anyway.
     """
@@ -330,12 +330,12 @@ def _alone(
 
 
 def _given(base: Scenario) -> tuple[str, ...]:
-    """What a receiver would be told of switches, if the scenario did not say it."""
+    """What a receiver would assume after each switch if the scenario did not set it."""
     return tuple(sorted(ASSUMED.keys() & base.receiver.model_fields_set))
 
 
 def _pins(base: Scenario, receiver: Source | None, overrides: Overrides) -> dict[str, Any]:
-    """Keys of the receiver that a switch would change, with their values without it."""
+    """Keys of the receiver that a switch would change, with their values before it."""
     name = receiver or base.receiver.type
     if not isinstance(name, str) or name not in RECEIVERS:
         raise ConfigurationError(

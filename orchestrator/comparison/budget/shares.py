@@ -1,4 +1,4 @@
-"""Shares of a mean square over paired runs, with intervals that hold for skewed runs."""
+"""Shares of a mean square over paired runs, with intervals that are valid for skewed runs."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ Floats = NDArray[np.float64]
 CONFIDENCE = 0.95
 RESAMPLES = 1999
 LEAST_RUNS = 30
-"""Fewer runs say too little of how skewed they are."""
+"""With fewer runs, their skewness is too uncertain."""
 
 
 def shares(
@@ -19,18 +19,19 @@ def shares(
     """Ratios of means, mean(part)/mean(whole), and their intervals.
 
     The bootstrap-t interval of a ratio (B. Efron, R. J. Tibshirani, *An Introduction to the
-    Bootstrap*, 1993, section 12.5): whole runs are drawn with replacement, so all that belongs to
-    a seed stays together, and each ratio is studentised by the linearised standard error of its own
-    draw. Where the parts are differences between runs of the same seed, so is what is resampled.
+    Bootstrap*, 1993, section 12.5). Whole runs are drawn with replacement, so everything that
+    belongs to a seed stays together. Each ratio is studentised by the linearised standard error of
+    its own draw. Where the parts are differences between runs of the same seed, the differences are
+    resampled.
 
     Parameters
     ----------
     parts
-        Of each run; shape (n, m). They may be negative.
+        One row for each run; shape (n, m). They may be negative.
     whole
-        Of each run; shape (n,).
+        One value for each run; shape (n,).
     seed
-        Of the resampling.
+        Seed of the resampling.
 
     Returns
     -------

@@ -1,8 +1,8 @@
 """Sources of error, switched off or made better in a scenario.
 
-Switched off, a source's keys are 0, or `FLOOR` where a receiver divides by them. Made better, the
-keys of a part are scaled until their root sum of squares is the part's level; they are never made
-larger. It is the world that changes; what the receiver assumes follows from it.
+Switching a source off sets its keys to 0, or to `FLOOR` where a receiver divides by them. Better
+equipment scales the keys of a part until their root sum of squares is the part's level. It never
+makes them larger. The switch changes the world, and the receiver's assumptions follow from it.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from ...scenario.schema import rows
 
 
 def of_scenario(scenario: Scenario, better: bool = False) -> tuple[str, ...]:
-    """The sources that a scenario has: those that switching changes.
+    """The sources of a scenario: those whose switch changes it.
 
     Parameters
     ----------
     better
-        Those that better equipment changes.
+        Consider better equipment instead of switching off.
     """
     idle = {".".join(key) for key in scenario.idle()}
     return tuple(
@@ -50,7 +50,7 @@ def missing(scenario: Scenario, better: bool = False) -> dict[str, str]:
     Parameters
     ----------
     better
-        Whether they would be replaced by better equipment.
+        Whether they would be replaced with better equipment.
     """
     there = of_scenario(scenario)
     why = {}
@@ -69,21 +69,21 @@ def combination(
     known: Collection[str],
     others: Mapping[str, str] = MappingProxyType({}),
 ) -> tuple[str, ...]:
-    """The sources that are named together, each once, in the order of `SOURCES`.
+    """The sources named together, each once, in the order of `SOURCES`.
 
     Parameters
     ----------
     text
         ``"clock+sound speed"``, or names; case does not matter; a hyphen or underscore is a space.
     known
-        Those that are there.
+        The sources that the scenario has.
     others
-        Why others are not, by name.
+        Why others cannot be switched, by name.
 
     Raises
     ------
     ConfigurationError
-        One of them is not there; the message says why, or suggests the nearest.
+        One of them is not in the scenario. The message says why, or suggests the nearest.
     """
     names = text.split("+") if isinstance(text, str) else text
     by_word = {_word(name): name for name in known}
@@ -101,7 +101,7 @@ def combination(
 
 
 def fixed(scenario: Scenario, sources: Iterable[str]) -> tuple[str, ...]:
-    """Those of some sources that have a part with the same error in every run."""
+    """Sources with a part whose error is the same in every run."""
     drawn = re.compile("_std_|probability|amplitude|resolution")
     return tuple(
         name for name in sources
@@ -114,17 +114,17 @@ def _word(name: str) -> str:
 
 
 def _changed(scenario: Scenario, source: Source, better: bool) -> dict[str, Any]:
-    """Overrides that switch a source; none where there is nothing to switch."""
+    """Overrides that switch a source; empty if there is nothing to switch."""
     changes: dict[str, Any] = {}
     for part in source.parts:
         changes |= _reduced(scenario, part, part.better if better else part.off)
     if any(key in OF_BITS for key in changes) and scenario.acoustics.packet_bits:
-        changes["acoustics.packet_bits"] = None  # they do not hold what is not rounded
+        changes["acoustics.packet_bits"] = None  # bits cannot hold values that are not rounded
     return changes
 
 
 def _reduced(scenario: Scenario, part: Part, level: float | None) -> dict[str, Any]:
-    """The keys of a part, scaled to a level; none where they are not larger."""
+    """The keys of a part, scaled to a level; empty if they are not above it."""
     about = float(_value(scenario, part.about) or 0.0) if part.about else 0.0
     values = {key: _value(scenario, key) for key in part.keys}
     values = {key: value for key, value in values.items() if value is not None}
@@ -147,7 +147,7 @@ def _reduced(scenario: Scenario, part: Part, level: float | None) -> dict[str, A
 
 
 def _value(scenario: Scenario, key: str) -> Any:
-    """The value of a key; None if it is not known whether the component has it."""
+    """The value of a key; None if the component may not have it."""
     name, _, key = key.partition(".")
     table = getattr(scenario, name)
     if table.fmu is not None and key not in table.model_fields_set:

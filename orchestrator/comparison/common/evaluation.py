@@ -1,4 +1,4 @@
-"""From the runs of a tournament to what is said of them: levels and paired differences."""
+"""Evaluates the runs of a tournament: levels and paired differences."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from ...results.responses import unit_of
 from .statistics import Difference, Floats, Level, difference, level, share_interval
 
 PERCENTILE = "absolute_total_p95_m"
-"""What is compared beside the response that is asked for."""
+"""Responses that are always compared, besides the requested one."""
 ALL = "all scenarios"
-"""Where the observations are means over the scenarios."""
+"""Name of the place for means over the scenarios."""
 Values = Mapping[str, Mapping[str, Floats]]
 """Responses by place and receiver, shape (runs,)."""
 
@@ -28,9 +28,9 @@ def receivers_in(table: pd.DataFrame) -> list[str]:
 
 
 def by_place(runs: Mapping[str, pd.DataFrame], response: str) -> dict[str, dict[str, Floats]]:
-    """A column by scenario and receiver; with several scenarios the mean over them, too.
+    """A column by scenario and receiver; with several scenarios also the mean over them.
 
-    A seed that has failed in one scenario has no mean: it does not count by the others.
+    A seed that failed in one scenario has no mean: its other scenarios do not count.
     """
     values = {
         name: {
@@ -47,9 +47,9 @@ def by_place(runs: Mapping[str, pd.DataFrame], response: str) -> dict[str, dict[
 
 
 def ranked(values: Values) -> Iterator[str]:
-    """The receivers by their median over all scenarios; then those of some only.
+    """The receivers by their median over all scenarios, then those that were only in some.
 
-    A failed run is worse than any other. Equal ones are ranked by failures, then by their means.
+    A failed run is worse than any other. Ties are broken by failures, then by the means.
     """
     last = [*values.values()][-1]
 
@@ -90,7 +90,8 @@ def levels(
 
 
 def _rms(values: Values, place: str, receiver: str, response: str) -> float:
-    """RMS over the runs of a scenario; of all, the mean over them, from seeds without a failure."""
+    """RMS over the runs of a scenario; over all, the mean of theirs, for seeds without a
+    failure."""
     if not response.endswith(SUFFIX):
         return np.nan
     good = np.isfinite(values[place][receiver])

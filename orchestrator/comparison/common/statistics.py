@@ -1,31 +1,31 @@
-"""Statistics of paired runs: intervals of means, differences, and how many runs a bound takes.
+"""Statistics of paired runs: intervals of means, differences, and the runs that a bound takes.
 
-A seed is one observation. Runs of one seed have the same noise, so their differences are paired,
-and the errors inside a run depend on each other, so they are never pooled: an interval is always
-from one number per seed.
+A seed is one observation. Runs with one seed have the same noise, so their differences are paired.
+The errors within a run are correlated and are never pooled: every interval uses one number per
+seed.
 
-**Shares.** In what share of all dives a receiver is better needs no assumption: Clopper and
-Pearson's lower bound, from the number of runs in which it was. It is better if the sign test of
-the runs in which the two differ says so (Conover, Practical Nonparametric Statistics, 3rd edition,
-1999, section 3.4).
+**Shares.** The share of all dives in which a receiver is better needs no assumption. Its lower
+bound is Clopper and Pearson's, from the number of runs in which the receiver was better. The
+receiver is called better if the sign test of the runs in which the two differ says so (Conover,
+Practical Nonparametric Statistics, 3rd edition, 1999, section 3.4).
 
-**Medians.** The interval of the median difference is of order statistics, and needs none either.
+**Medians.** The interval of the median difference uses order statistics. It needs no assumption.
 
-**Means.** An interval of a mean has on each side the bound of `sblcosim.analysis.common.bounds`,
-which holds for skewed runs and for outliers. No bound of a mean holds against bad runs that were
-never seen. So it is a statement for a stated share c of contamination: bad runs that are at least
-this share have been seen, for which n = ln(risk)/ln(1 − c) runs are needed, as (1 − c)ⁿ ≤ risk;
-with fewer there is no interval, nor with heavy tails, or where a receiver has failed.
+**Means.** Each side of a mean's interval is the bound of `sblcosim.analysis.common.bounds`, which
+is valid for skewed runs and for outliers. No bound of a mean covers bad runs that were never seen.
+The interval therefore holds for a stated share c of contamination: if bad runs are at least this
+share, one has been seen. That takes n = ln(risk)/ln(1 − c) runs, as (1 − c)ⁿ ≤ risk. There is no
+interval with fewer runs, with heavy tails, or where a receiver has failed.
 
-**Simultaneous.** All that is said of the pairs of a response holds at once, whatever their
-dependence; so who is picked out after a look at all of them is judged fairly. Of m pairs each has
-the risk α/m (Bonferroni). Half of it is for the share of dives, a quarter each for the intervals of
-the median and of the mean. If neither is better, the sign test may err on either side, and takes it
-all: then the interval of the median errs only where the test does, and nothing is said of share and
-mean unless it errs.
+**Simultaneous.** All statements about the pairs of a response hold at once, whatever their
+dependence, so a pair that is picked after a look at all of them is judged fairly. Of m pairs each
+has the risk α/m (Bonferroni). Half of it is for the share of dives, and a quarter each for the
+intervals of the median and of the mean. If neither receiver is better, the sign test may err on
+either side, and takes all of the risk: the interval of the median then errs only where the test
+does, and there is no statement about share and mean unless the test errs.
 
-**Percentiles** over the runs have exact bounds of order statistics, shares of lost runs Clopper and
-Pearson's.
+**Percentiles** over the runs have exact bounds from order statistics. Shares of lost runs have
+Clopper and Pearson's.
 """
 
 from __future__ import annotations
@@ -53,39 +53,39 @@ Floats = NDArray[np.float64]
 Word = Literal["better", "worse", "equal", "undecided"]
 
 ALPHA = 1 - CONFIDENCE
-"""Risk of all that is said at once."""
+"""Risk of all simultaneous statements together."""
 CONTAMINATION = 0.05
-"""Default share of bad runs that a mean is to hold against."""
+"""Default share of bad runs against which a mean must hold."""
 SHARE = 0.95
-"""Share of the runs for which there is a bound."""
+"""Share of the runs that the bound of a percentile covers."""
 TAIL_RUNS = 0.05
-"""Share of the runs, the worst ones, that make a tail."""
+"""Share of the runs, the worst ones, that form the tail."""
 TAIL_SPREAD = 2 / 3
-"""If those make more than this share of the squares about the median, the tail is heavy: of a
-normal distribution it is 0.22, of an exponential one 0.54."""
+"""The tail is heavy if it makes up more than this share of the squares about the median. The share
+is 0.22 for a normal distribution and 0.54 for an exponential one."""
 MOST_RUNS = 10**9
-"""More are never recommended."""
+"""Largest number of runs that is recommended."""
 
 
 def least_runs(share: float, risk: float) -> int:
-    """Number of runs that show a bad one, given their share, except for the risk."""
+    """Number of runs that show a bad one, given the share of bad runs, except for the risk."""
     return max(LEAST_RUNS, ceil(log(risk) / log(1 - share) - TOLERANCE))
 
 
 def mean_interval(values: Floats, risk: float) -> tuple[float, float, float]:
-    """Mean of the finite values, and a lower and an upper bound of the mean, each at the risk.
+    """Mean of the finite values, and its lower and upper bound, each at the risk.
 
     Parameters
     ----------
     values
-        One per seed; infinite where a receiver has failed, NaN where nothing can be said.
+        One per seed; infinite where a receiver failed, NaN where nothing is known.
     """
     values = values[~np.isnan(values)]
     finite = values[np.isfinite(values)]
     if len(finite) < LEAST_RUNS:
         return (float(finite.mean()) if len(finite) else nan), -inf, inf
     y = np.sort(values)
-    # What is infinite on the other side is put where it makes the bound no better.
+    # A value that is infinite on the other side is placed where it does not improve the bound.
     low = -inf if y[0] == -inf else 0.0 - mean_bound(-np.minimum(y, finite.max())[::-1], risk)[1]
     high = inf if y[-1] == inf else mean_bound(np.maximum(y, finite.min()), risk)[1]
     return float(finite.mean()), low, high
@@ -100,15 +100,15 @@ class Level:
     runs, failed
         Number of runs, and of those without a response.
     mean, std, median, least, most
-        Of the others; NaN without any.
+        Statistics of the others; NaN if there are none.
     low, high
         95 % interval of the mean; NaN with fewer runs than `least_runs`.
     within, within_upper
-        The 95th percentile over the runs, a failed one being worse than any, and its 95 % upper
-        bound (one-sided), infinite with fewer than 59 runs.
+        The 95th percentile over the runs, where a failed run is worse than any other, and its 95 %
+        upper bound (one-sided), infinite with fewer than 59 runs.
     tail, tail_runs
-        Share of the squares about the median that the worst runs make, 1 in 20 (NaN with fewer
-        than 20 runs, or if all are 0 or 1), and how many these are.
+        Share of the squares about the median that comes from the worst runs, 1 in 20 (NaN with
+        fewer than 20 runs, or if all are 0 or 1), and the number of these runs.
     """
 
     runs: int
@@ -127,7 +127,7 @@ class Level:
 
     @property
     def heavy(self) -> bool:
-        """Whether few runs make the mean."""
+        """Whether few runs dominate the mean."""
         return self.tail > TAIL_SPREAD
 
     def to_json(self) -> dict[str, Any]:
@@ -136,7 +136,7 @@ class Level:
 
 
 def level(values: Floats, contamination: float = CONTAMINATION) -> Level:
-    """Describe the values of some runs; NaN: the receiver has failed."""
+    """Describe the values of some runs; NaN: the receiver failed."""
     n = len(values)
     y = np.sort(values[np.isfinite(values)])
     failed = n - len(y)
@@ -157,7 +157,7 @@ def level(values: Floats, contamination: float = CONTAMINATION) -> Level:
 
 
 def _tail(y: Floats) -> tuple[float, int]:
-    """Share of the squares about the median that the worst runs make, and their number.
+    """Share of the squares about the median that comes from the worst runs, and their number.
 
     The runs are in ascending order.
     """
@@ -182,25 +182,25 @@ class Difference:
     runs
         Number of seeds.
     wins, losses
-        Number of runs in which the first one is better, and worse. In the others the two are equal,
-        or both have failed.
+        Number of runs in which the first receiver is better, and worse. In the others the two are
+        equal, or both failed.
     verdict
-        Of the first one: ``equal`` if the interval of the median lies within ± the practical
-        difference, none has failed and no few runs are far off; else ``better`` or ``worse`` if the
-        sign test says so; else ``undecided``.
+        Verdict on the first receiver. ``equal``: the interval of the median lies within ± the
+        practical difference, no run failed and there are no outliers. Otherwise ``better`` or
+        ``worse`` if the sign test says so, else ``undecided``.
     share_low
-        Of all dives, the share in which the one that is better is better, at least; NaN if neither
+        Lower bound of the share of all dives in which the better receiver is better; NaN if neither
         surely is.
     median, low, high
         Median difference and its interval; infinite where failed runs count, NaN with too few runs.
     mean
-        Of the runs that have both; NaN without any.
+        Mean over the runs that both have; NaN if there are none.
     mean_low, mean_high
         Interval of the mean; NaN where its assumptions do not hold, or the verdict is undecided.
     least, mean_least
-        Number of runs that a verdict takes at least, and an interval of the mean.
+        Smallest number of runs for a verdict, and for an interval of the mean.
     runs_needed
-        Estimated number of runs that would decide; None if that cannot be said.
+        Estimated number of runs for a decision; None if there is no estimate.
     """
 
     runs: int
@@ -235,20 +235,20 @@ def difference(
     Parameters
     ----------
     one, other
-        Shape (runs,); NaN where the receiver has failed, which is worse than any number.
+        Shape (runs,); NaN where the receiver failed, which is worse than any number.
     comparisons
-        Number of comparisons that are to hold at once.
+        Number of comparisons that must hold simultaneously.
     practical
-        Median differences below it do not matter; None: nothing is called equal.
+        Median differences below this do not matter; None: nothing is called equal.
     contamination
-        Share of bad runs that an interval of the mean is to hold against.
+        Share of bad runs against which an interval of the mean must hold.
     """
     failed, other_failed = ~np.isfinite(one), ~np.isfinite(other)
     with np.errstate(invalid="ignore"):
         d = np.where(failed, inf, one) - np.where(other_failed, inf, other)  # NaN: both failed
     wins, losses = int((d < 0).sum()), int((d > 0).sum())
     risk = ALPHA / (2 * comparisons)
-    own = risk / 4  # of an interval, on each side
+    own = risk / 4  # for an interval, on each side
     y = np.sort(d[~np.isnan(d)])
     low, high = median_interval(y, len(y), 1 - 2 * own) if len(y) else (nan, nan)
     verdict = _verdict(d, low, high, practical, risk)
@@ -266,7 +266,7 @@ def difference(
 
 
 def least_verdict(risk: float) -> int:
-    """Number of runs, better in each, from which on a sign test decides: ½ⁿ ≤ risk."""
+    """Number of runs, all better, from which a sign test decides: ½ⁿ ≤ risk."""
     return ceil(log(risk) / log(0.5) - TOLERANCE)
 
 
@@ -277,7 +277,7 @@ def _told(wins: int, losses: int, risk: float) -> bool:
 
 def _verdict(d: Floats, low: float, high: float, practical: float | None, risk: float) -> Word:
     near = practical is not None and -practical <= low and high <= practical
-    if near and _alike(d):  # whoever is lost in some runs is not equal to whoever is not
+    if near and _alike(d):  # a receiver that is lost in some runs is not equal to one that is not
         return "equal"
     wins, losses = int((d < 0).sum()), int((d > 0).sum())
     if not _told(wins, losses, risk):
@@ -302,10 +302,10 @@ def _alike(d: Floats) -> bool:
 def _needed(
     d: Floats, low: float, high: float, practical: float | None, risk: float
 ) -> int | None:
-    """Estimated runs until the verdict falls in five of six comparisons like this one.
+    """Estimated runs until the verdict is reached in five of six comparisons like this one.
 
-    The sign test sees the share of wins among the runs that differ, with its standard error; the
-    interval of the median shrinks with √n, for which its reach is taken with one standard error.
+    The sign test uses the share of wins among the runs that differ, and its standard error. The
+    interval of the median shrinks with √n; the estimate uses its reach with one standard error.
     """
     n, wins, losses = len(d), int((d < 0).sum()), int((d > 0).sum())
     if n < LEAST_RUNS:
@@ -331,7 +331,7 @@ def _needed(
 
 
 def rounded_up(number: float) -> int:
-    """A number of runs with two digits that mean something, rounded up."""
+    """A number of runs, rounded up to two significant digits."""
     if number < 1:
         return 1
     unit: int = 10 ** max(floor(log10(number)) - 1, 0)

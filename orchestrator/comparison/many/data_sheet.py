@@ -1,4 +1,4 @@
-"""The sentence for a data sheet, of the runs of a scenario."""
+"""The sentence for a data sheet, from the runs of a scenario."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ Floats = NDArray[np.float64]
 
 ERROR = "absolute_total"
 RESPONSES = tuple(Percentile(ERROR, p) for p in PERCENTAGES)
-"""Of each run, what the sentence is made from."""
+"""Columns of a run that the sentence is made from."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Runs:
-    """All runs of a scenario, of which none has neighbours."""
+    """All runs of a scenario as one cell without neighbours."""
 
     cell: NDArray[np.int64]
     lengths: Floats
@@ -48,9 +48,9 @@ def sentences(
     Parameters
     ----------
     it
-        The runs of one scenario.
+        Runs of one scenario.
     drawn
-        Any of them.
+        Any one of them.
     """
     runs = it.settings["runs"]
     if runs < data_sheet.LEAST_RUNS:
@@ -77,14 +77,14 @@ def _sentence(it: Tournament, receiver: str, scenario: Scenario, where: str) -> 
 
 
 def bound_of(percentiles: Floats, seed: int) -> float:
-    """What 95 % of the errors of all runs are within, and two standard errors [m].
+    """Radius that holds 95 % of the errors of all runs, plus two standard errors [m].
 
     Parameters
     ----------
     percentiles
         Of each run's errors, `PERCENTAGES`; NaN without an estimate; (runs, 10).
     seed
-        Of the draws of runs.
+        Seed for drawing runs.
     """
     n = len(percentiles)
     lengths = np.where(np.isnan(percentiles), np.inf, percentiles)
@@ -93,7 +93,7 @@ def bound_of(percentiles: Floats, seed: int) -> float:
 
 
 def _where(scenario: Scenario, drawn: Sequence[Result]) -> str:
-    """How far from the platform, and how deep, if that is the same in all runs."""
+    """Distance from the platform and depth, if they are the same in all runs."""
     if not drawn or _varies(scenario):
         return "on paths drawn anew in each run" if drawn else "on its path"
     record = drawn[0].record
@@ -108,7 +108,7 @@ def _where(scenario: Scenario, drawn: Sequence[Result]) -> str:
 
 
 def _varies(scenario: Scenario) -> bool:
-    """Whether the path is another one in each run, or not known to be the same."""
+    """Whether the path differs from run to run, or may differ."""
     target = scenario.target
     if target.fmu is not None or scenario.platform.fmu is not None:
         return True

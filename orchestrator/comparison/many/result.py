@@ -1,4 +1,4 @@
-"""Many runs of a scenario: how its receivers did on average, a typical run and the worst one."""
+"""Many runs of a scenario: averages for its receivers, a typical run and the worst one."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 TYPICAL, WORST = "typical", "worst"
-"""The runs that are drawn, and the names of their folders."""
+"""The selected runs, and the names of their folders."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -37,13 +37,13 @@ class Many(Answer):
     Attributes
     ----------
     runs
-        All of them: tables, and statistics of each receiver.
+        All runs: tables, and statistics of each receiver.
     drawn
-        The ``typical`` run, in which the RMS total error of the first receiver is the median of its
-        runs (of an even number, the lower one), and the ``worst`` one, in which it is largest.
-        Empty if that receiver has failed in all runs.
+        The ``typical`` run, whose RMS total error of the first receiver is the median over the runs
+        (the lower one for an even number), and the ``worst`` run, where it is largest. Empty if
+        that receiver failed in all runs.
     drawn_seeds
-        Their seeds.
+        Seeds of these runs.
     """
 
     document = "runs"
@@ -60,7 +60,7 @@ class Many(Answer):
 
     @property
     def receivers(self) -> list[str]:
-        """Labels of the receivers, in the order that was asked for."""
+        """Labels of the receivers, in the requested order."""
         return receivers_in(self.runs.table)
 
     @property
@@ -70,7 +70,7 @@ class Many(Answer):
 
     @property
     def tables(self) -> dict[str, pd.DataFrame]:
-        """All runs, and what is said of them."""
+        """All runs, and their evaluation."""
         return {"runs": self.runs.table, "levels": self.runs.levels}
 
     @property
@@ -80,21 +80,21 @@ class Many(Answer):
 
     @property
     def remarks(self) -> list[str]:
-        """What must be known to read the answer, a line each."""
+        """Remarks that are needed to read the answer, one line each."""
         it, lines = self.runs, list[str]()
         for receiver in self.receivers:
             lines += sentences.beside(it, self.scenario_name, receiver)
         return [*lines, *sentences.start(it), *sentences.unbounded(it), *self._unsaid]
 
     def rms_m(self, which: str) -> float:
-        """RMS total error of the first receiver in a run that is drawn [m]."""
+        """RMS total error of the first receiver in a selected run [m]."""
         table = self.runs.table
         row = table[table["seed"] == self.drawn_seeds[which]].iloc[0]
         return float(row[f"{self.receivers[0]}.{RESPONSE}"])
 
     @property
     def answer(self) -> str:
-        """A line for each receiver: its errors, how often it was lost, and what is drawn."""
+        """A line for each receiver: its errors, how often it was lost, and the selected runs."""
         it, place, lines = self.runs, self.scenario_name, []
         for receiver in self.receivers:
             row, beside = (it.level(place, receiver, name) for name in (None, PERCENTILE))
@@ -126,16 +126,16 @@ class Many(Answer):
 
     @property
     def problems(self) -> list[str]:
-        """A line for each receiver that has failed in all runs."""
+        """A line for each receiver that failed in all runs."""
         return self.runs.problems
 
     def text(self, *, verbose: bool = False, width: int | None = None) -> str:
-        """The answer, then means and spread of each receiver.
+        """The answer, then means and spread for each receiver.
 
         Parameters
         ----------
         verbose
-            With what is said of each covariance.
+            Add the verdict on each covariance.
         width
             Columns to fit into; None: sentences are not wrapped.
         """
@@ -163,7 +163,7 @@ class Many(Answer):
     def write(
         self, folder: Path, theme: style.ThemeName = "light", figures: bool = True
     ) -> None:
-        """With the typical and the worst run in folders of their own."""
+        """Like `Answer.save`, with the typical and the worst run in separate folders."""
         super().write(folder, theme, figures)
         for which, result in self.drawn.items():
             result.save(folder / which, figures=figures, theme=theme)

@@ -1,4 +1,4 @@
-"""Many runs of a scenario: how its receivers do on average, a typical run and the worst one."""
+"""Many runs of a scenario: averages for its receivers, a typical run and the worst one."""
 
 from __future__ import annotations
 
@@ -43,12 +43,12 @@ def run_many(
     progress: Callable[[float], None] | None = None,
     keep: Kept | None = None,
 ) -> Many:
-    """Simulate a scenario many times, each with a seed of its own, that of the scenario first.
+    """Simulate a scenario many times with consecutive seeds, beginning with that of the scenario.
 
     Parameters
     ----------
     scenario, receiver, overrides, master, step_timeout
-        As for `sblcosim.run`; no package, and receivers without labels.
+        As in `sblcosim.run`; no package, and receivers without labels.
     runs
         Number of runs, at least 2.
     workers
@@ -56,7 +56,7 @@ def run_many(
     progress
         Called at intervals with the completed share, 0 to 1.
     keep
-        Where finished runs are kept, which are not done again; None: nothing is written.
+        Folder of finished runs, which are not repeated; None: nothing is written.
 
     Raises
     ------

@@ -1,1 +1,1 @@
-"""Receivers side by side on the same noise: which is better."""
+"""Receivers compared on the same noise: which is better."""

@@ -1,4 +1,4 @@
-"""What counts twice under two names: receivers of the same content, scenarios of the same runs."""
+"""Duplicates under two names: receivers with the same content, scenarios with the same runs."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def check_scenarios(studies: Mapping[str, Study]) -> None:
     seen: dict[str, str] = {}
     for name, study in studies.items():
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # they are given when it runs
+            warnings.simplefilter("ignore")  # they are issued when it runs
             runs = prepare(study).digest
         if runs in seen:
             raise ConfigurationError(
@@ -69,7 +69,7 @@ def origin(source: Source) -> Any:
 
 
 def _content(source: Source) -> Any:
-    """What a receiver is, whatever its file is called."""
+    """Identity of a receiver, whatever its file is called."""
     if isinstance(source, PythonSource):
         return source.sha256, source.__name__
     if file_of(source) is None or not isinstance(source, str | Path):
@@ -78,12 +78,12 @@ def _content(source: Source) -> Any:
 
 
 def _built_as(fmu: Fmu) -> str:
-    """Name of our receiver that an FMU of either version was built of; else its hash."""
+    """Name of our receiver from which an FMU of either version was built; else its hash."""
     for name in RECEIVERS if ours(fmu) else ():
         known = of_file(f"{name}{fmu.identifier.removeprefix(COMPONENTS[name].name)}")
         if known is None:
             continue
-        # The cache may hold what an earlier version has built: that is another receiver.
+        # The cache may hold the build of an earlier version, which is another receiver.
         today = build(name, 2 if fmu.fmi == 2 else 3, False, None, **known[1])
         if read(today).token == fmu.token:
             return name

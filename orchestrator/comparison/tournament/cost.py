@@ -1,9 +1,9 @@
-"""What an update of a receiver takes: the time of runs with it less that of the same without.
+"""Time of a receiver's update: the time of runs with the receiver minus that without.
 
-Of our own receivers it is measured where they are fastest to compare with each other: their engine
-for one lane, one thread. Others are called by the masters that run them, with all that this costs.
-The least of several measurements counts, as other work on the machine only ever adds time; where
-all runs in this process, it is its own processor time, which other processes hardly change.
+Our own receivers are measured where a comparison is quickest: in their engine for one lane, in one
+thread. Others are called by the masters that run them, with all the overhead. The smallest of
+several measurements counts, because other work on the machine only adds time. Where everything
+runs in this process, its own processor time is used, which other processes hardly change.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ from ...study.campaign import receivers_of, resolved_alone
 from ...study.study import Study
 
 ENOUGH_S = 0.03
-"""Duration of a measurement that clocks and interrupts do not spoil [s]."""
+"""Shortest measurement that clocks and interrupts do not spoil [s]."""
 MOST_RUNS = 256
-"""Number of runs of a measurement where the clock is too coarse for a single one."""
+"""Runs per measurement if the clock is too coarse for a single one."""
 TIMES = 5
 """Number of measurements, unless each takes longer than `PATIENCE_S`."""
 PATIENCE_S = 1.0
@@ -37,7 +37,7 @@ Clock = Callable[[], float]
 
 
 def update_seconds(study: Study) -> dict[str, float | None]:
-    """Time of an update of each receiver of a study [s]; None where it cannot be told."""
+    """Time of an update of each receiver of a study [s]; None if it cannot be measured."""
     labels = [label for label in choose(study.base, receivers_of(study)) if label != RAW]
     _, system, plan = resolved_alone(study, 1)
     without = resolve(_with(system, labels, ()))
@@ -48,13 +48,13 @@ def update_seconds(study: Study) -> dict[str, float | None]:
             alone = plan if labels == [label] else resolve(_with(system, labels, (label,)))
             mine = ours or lanes_driver.unsupported(alone) is None
             found[label] = _in_lanes(alone, without, label) if mine else _called(alone, without)
-        except SblcosimError:  # what has failed is said of its runs
+        except SblcosimError:  # failures are reported with the runs
             found[label] = None
     return found
 
 
 def _with(system: System, labels: Sequence[str], kept: Sequence[str]) -> System:
-    """The system with some of its receivers."""
+    """The system with only some of its receivers."""
     gone = set(labels) - set(kept)
     return replace(
         system,
@@ -92,7 +92,7 @@ def _called(plan: Plan, without: Plan) -> float | None:
 def _less(
     whole: Callable[[], object], rest: Callable[[], object], updates: float, clock: Clock
 ) -> float | None:
-    """Difference of the least times of two sets of runs, per update."""
+    """Difference of the smallest times of two sets of runs, per update."""
     times = []
     for _ in range(TIMES):
         times.append((_seconds(whole, clock), _seconds(rest, clock)))

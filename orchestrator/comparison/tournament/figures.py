@@ -1,4 +1,4 @@
-"""The figure of a tournament: how the receivers did, and how sure the differences are."""
+"""The figure of a tournament: errors of the receivers, and how certain the differences are."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ if TYPE_CHECKING:
     from .result import Tournament
 
 ROW, ABOVE = 0.27, 0.75
-"""Height of a receiver, and of what is above and below the receivers of a place [inch]."""
+"""Height of a receiver, and of the space above and below the receivers of a place [inch]."""
 REACH, FAR = 6.0, 1.5
-"""Differences of more than this many times their median, and of the best one's median, are drawn at
-the edge."""
+"""Multiple of the differences' median, and of the best receiver's median, beyond which differences
+are drawn at the edge."""
 LEAST_BAND = 0.004
-"""Part of an axis that a band must have to be seen."""
+"""Smallest visible fraction of an axis for a band."""
 _CHARACTERS, _TICKS, _LEGEND = 18.0, 2.0, 3.2
-"""Of a label, and on an axis, per inch; inches of a column of the legend."""
+"""Characters per inch of a label and on an axis; inches of a column of the legend."""
 _MARKS = {
     "worse": ("s", "worse than the best"), "undecided": ("o", "undecided"),
     "equal": ("D", "equal for practical purposes"), "better": ("^", "better here"),
@@ -40,18 +40,18 @@ _MARKS = {
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """What is drawn of a place.
+    """The contents of a row of panels.
 
     Attributes
     ----------
     receivers
-        The one with the least median first.
+        Receivers, beginning with the smallest median.
     spread
         5th, 25th, 75th and 95th percentile and median of each receiver's runs, shape (n, 5).
     difference
         Median, lower and upper end of each receiver minus the best one, shape (n − 1, 3).
     verdicts
-        Of each but the best one.
+        Verdict on each receiver except the best one.
     """
 
     place: str
@@ -62,14 +62,14 @@ class Panel:
 
 
 def job(it: Tournament, name: str = "comparison", differences: bool = True) -> Job:
-    """The figure, ready to be drawn; without differences, of the runs alone."""
+    """The figure, ready to be drawn; without differences it shows only the runs."""
     return Job(name, plot_tournament, shown(it, differences))
 
 
 def shown(
     it: Tournament, differences: bool = True
 ) -> tuple[list[Panel], str, str, float | None]:
-    """What the figure shows: panels, response and its unit, practical difference."""
+    """Contents of the figure: panels, response and its unit, practical difference."""
     runs = {name: it.table[it.table["scenario"] == name] for name in it.places if name != ALL}
     values = by_place(runs, it.response)
     panels = []
@@ -101,9 +101,9 @@ def plot_tournament(
 ) -> Sequence[Axes]:
     """Draw the runs of each receiver, and the differences from the best one.
 
-    On the left the middle half of the runs (thick), 5 to 95 % of them (thin) and their median; on
-    the right the median differences with intervals that hold all at once, and the practical
-    difference. A row of two panels for each place; with a single receiver, only the left ones.
+    The left panel shows the middle half of the runs (thick), 5 to 95 % of them (thin) and their
+    median. The right panel shows the median differences with simultaneous intervals, and the
+    practical difference. Each place has a row of two panels, or a left panel for a single receiver.
     """
     both = any(len(panel.difference) for panel in panels)
     with use(theme, axes) as look:
@@ -136,7 +136,7 @@ def _key(
     panels: Sequence[Panel], differences: Sequence[Axes], look: Theme, unit: str,
     practical: float | None,
 ) -> list[Any]:
-    """What the marks, bars and bands that are drawn mean."""
+    """Legend entries for the marks, bars and bands that are drawn."""
     spread = np.vstack([panel.spread for panel in panels])
     handles: list[Any] = [
         Line2D([], [], marker="o", ls="", label="circle: median of the runs", **_middle(look))
@@ -236,7 +236,7 @@ def _difference(
 
 
 def _label(ax: Axes, text: str) -> None:
-    """Name the horizontal axis, in several lines if it is too narrow for one."""
+    """Label the horizontal axis, in several lines if it is too narrow for one."""
     inches = ax.get_position().width * ax.figure.bbox.width / ax.figure.dpi
     ax.set_xlabel(fill(text, max(int(_CHARACTERS * inches), 12)), fontsize=SMALL)
     if ax.get_xscale() == "linear":

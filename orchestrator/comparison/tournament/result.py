@@ -1,4 +1,4 @@
-"""How receivers did side by side on the same noise: in a sentence, tables, a figure, a folder."""
+"""Receivers compared on the same noise: in a sentence, tables, a figure, a folder."""
 
 from __future__ import annotations
 
@@ -27,36 +27,36 @@ words = Module("sblcosim.comparison.tournament.sentences")
 drawings = Module("sblcosim.comparison.tournament.figures")
 
 RESPONSE = "absolute_total_rms_m"
-"""What is compared by default."""
+"""Response that is compared by default."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Tournament(Answer):
-    """Who is better, where, by how much, and how sure that is. Made by `compare`.
+    """Which receiver is better, where, by how much, and how certain that is. Made by `compare`.
 
     Attributes
     ----------
     settings
-        What was asked: scenarios as they were run, receivers, ``runs``, ``seed``, ``settling_s``,
+        Arguments: scenarios as they were run, receivers, ``runs``, ``seed``, ``settling_s``,
         ``response``, ``practical``, ``contamination``.
     receivers
-        Labels, the one with the least median first.
+        Labels, beginning with the smallest median.
     places
         Names of the scenarios, and `ALL` if there are several.
     table
         One row per scenario and run: ``scenario``, and the columns of a study's table.
     levels
         One row per place, receiver and response: the fields of
-        `sblcosim.comparison.common.statistics.Level`, the number of ``lost`` runs and the 95 %
-        interval of their share (Clopper and Pearson's; of one scenario), what the runs say of the
+        `sblcosim.comparison.common.statistics.Level`, the number of ``lost`` runs with the 95 %
+        interval of their share (Clopper and Pearson's; for one scenario), the verdict on the
         covariance (`sblcosim.judge.consistency`), and ``rms_over_runs`` (see
-        `sblcosim.judge.over_runs`; NaN if the response is no RMS).
+        `sblcosim.judge.over_runs`; NaN if the response is not an RMS).
     differences
         One row per place, response and pair of receivers: the fields of
-        `sblcosim.comparison.common.statistics.Difference`, those of a response all at once.
+        `sblcosim.comparison.common.statistics.Difference`, which hold at once for a response.
     update_s
-        Time of an update [s] by scenario and receiver, measured here and only roughly the same
-        the next time: in no file. None where it cannot be told.
+        Time of an update [s] by scenario and receiver. It is measured on this machine and varies
+        from time to time, so no file contains it. None if it cannot be measured.
     """
 
     document = "compare"
@@ -87,7 +87,7 @@ class Tournament(Answer):
 
     @property
     def tables(self) -> dict[str, pd.DataFrame]:
-        """All runs, and what is said of them."""
+        """All runs, and their evaluation."""
         return {"runs": self.table, "levels": self.levels, "differences": self.differences}
 
     @property
@@ -97,12 +97,12 @@ class Tournament(Answer):
 
     @property
     def remarks(self) -> list[str]:
-        """What must be known to read the answer, a line each."""
+        """Remarks that are needed to read the answer, one line each."""
         return [*words.notes(self)]
 
     @property
     def problems(self) -> list[str]:
-        """A line for each receiver that has failed in all runs of a scenario."""
+        """A line for each receiver that failed in all runs of a scenario."""
         mine = self.levels[self.levels["response"] == self.response]
         silent = mine[(mine["failed"] == mine["runs"]) & (mine["scenario"] != ALL)]
         return [
@@ -126,7 +126,7 @@ class Tournament(Answer):
         Parameters
         ----------
         verbose
-            With all percentiles and intervals, and what the numbers mean.
+            Add all percentages and intervals, and explanations of the numbers.
         width
             Columns to fit into; None: sentences are not wrapped.
         """

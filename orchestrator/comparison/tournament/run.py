@@ -1,9 +1,9 @@
-"""A tournament: receivers side by side on the same noise, in one scenario or several.
+"""A tournament: receivers compared on the same noise, in one scenario or several.
 
-In each run of a scenario all receivers get the same samples; run k of every scenario has the k-th
-seed. What is compared is a response of a run, such as the RMS of its total error, in which less is
-better; runs in which a receiver is lost count like any other, and their share stands beside. Over
-all scenarios, the observation of a seed is the mean over the scenarios.
+In each run of a scenario all receivers get the same samples. Run k of every scenario has the k-th
+seed. The compared quantity is a response of a run, such as the RMS of its total error, for which
+less is better. Runs in which a receiver is lost count like any other, and their share is shown.
+Over all scenarios, the observation of a seed is the mean over the scenarios.
 
 >>> import sblcosim                                                       # doctest: +SKIP
 >>> print(sblcosim.compare(["harbour-square"], ["ekf", "coupled"]))  # doctest: +SKIP
@@ -71,43 +71,44 @@ def compare(
     percentiles: Sequence[Percentile] = (),
     same_start: bool = False,
 ) -> Tournament:
-    """Let receivers run on the same noise, and say which is better.
+    """Run receivers on the same noise, and determine which is better.
 
     Parameters
     ----------
     scenarios
-        Names, files, tables or objects, as for `sblcosim.run`.
+        Names, files, tables or objects, as in `sblcosim.run`.
     receivers
-        As for `sblcosim.run`, without labels; none: that of each scenario.
+        As in `sblcosim.run`, without labels; none: that of each scenario.
     runs
         Number of seeds, at least 2.
     response
-        What is compared, less is better: one of `sblcosim.results.responses.RESPONSES`, a function
-        of a `sblcosim.results.responses.Run`, or ``"file.py:function"``.
+        The compared quantity, less is better: one of `sblcosim.results.responses.RESPONSES`, a
+        function of a `sblcosim.results.responses.Run`, or ``"file.py:function"``.
     settling_s
         Errors count from this time after the start [s].
     practical
-        Median differences below it do not matter [unit of the response]; None: nothing is called
+        Median differences below this do not matter [unit of the response]; None: nothing is called
         equal.
     overrides
         Keys to change in all scenarios.
     seed
         Seed of the first run; the others follow. None: 1.
     contamination
-        Share of bad runs that a mean is to hold against.
+        Share of bad runs against which a mean must hold.
     workers, master, step_timeout
-        As for `sblcosim.study.runner.run`.
+        As in `sblcosim.study.runner.run`.
     timed
-        Measure the time of an update, too.
+        Also measure the time of an update.
     progress
-        Called with the completed share, 0 to 1, and what is being done.
+        Called with the completed share, 0 to 1, and the current activity.
     keep
-        Where finished runs are kept, which are not done again; None: nothing is written.
+        Folder of finished runs, which are not repeated; None: nothing is written.
     percentiles
-        Further percentiles of a run's errors that the table of runs is to have.
+        Further percentiles of a run's errors for the table of runs.
     same_start
-        No receiver is told where the diver starts, so that all begin with what they receive first.
-        Else those that have a parameter for it begin there, if the scenario says so.
+        Let every receiver begin with the first samples that it receives, and tell none where the
+        diver starts. Otherwise receivers with a parameter for it begin there, if the scenario says
+        so.
 
     Raises
     ------
@@ -175,7 +176,7 @@ def check(runs: int, practical: float | None, contamination: float) -> None:
 
 
 def response_of(response: str | Callable[..., Any]) -> tuple[str, Any]:
-    """Column of a response, and what a study must be asked for; None: it is always there."""
+    """Column of a response, and what a study must be asked for; None: it is always recorded."""
     if not isinstance(response, str):
         if not callable(response):
             raise ConfigurationError(
@@ -199,7 +200,7 @@ def response_of(response: str | Callable[..., Any]) -> tuple[str, Any]:
 
 
 def lesser() -> dict[str, str]:
-    """The responses that are better if smaller, each in words."""
+    """The responses for which less is better, each with its description."""
     return {
         name: it.words for name, it in RESPONSES.items()
         if name not in _SIGNED and (it.unit or name in _RATES)
@@ -232,12 +233,12 @@ def evaluate(
     settings: Mapping[str, Any],
     update_s: Mapping[str, Mapping[str, float | None]] | None = None,
 ) -> Tournament:
-    """Compare runs that are there.
+    """Compare existing runs.
 
     Parameters
     ----------
     runs
-        By scenario, as `sblcosim.study.runner.simulated` returns them: of the same seeds.
+        By scenario, as returned by `sblcosim.study.runner.simulated`; they have the same seeds.
     settings
         As in `Tournament`: ``response``, ``practical`` and ``contamination`` are used.
     """

@@ -1,4 +1,4 @@
-"""A tournament in words: who is better, the tables, and what the numbers mean."""
+"""A tournament in words: which receiver is better, the tables, and what the numbers mean."""
 
 from __future__ import annotations
 
@@ -25,21 +25,21 @@ if TYPE_CHECKING:
     from .result import Tournament
 
 _NAMED = 4
-"""More receivers or scenarios than that are counted, not listed."""
+"""A list with more receivers or scenarios than this is replaced by their number."""
 WITHIN = (
     "95 % in a run, or of the time: an order statistic, of a run's n errors the one of rank "
-    "0.95 n, rounded up; the mean over the runs. 95 % of runs: an upper bound of what 95 % of the "
-    "runs are below, by order statistics."
+    "0.95 n, rounded up; averaged over the runs. 95 % of runs: upper confidence bound of the 95th "
+    "percentile over the runs, by order statistics."
 )
-"""What the columns of percentages are, for people."""
+"""Definition of the columns with percentages, for people."""
 _NOTES = (
-    "All receivers of a scenario had the same noise, seed by seed; a seed is one observation. An "
-    "RMS over runs is the root of the mean of their mean squares, lost runs included; over all "
-    "scenarios it is the mean of theirs. Differences are between the values of single runs; over "
-    "all scenarios, between a seed's means over them.",
-    "A difference is of the first receiver less the second: below 0 the first one is better. The "
-    "sign test, which assumes nothing, says who is better. An interval of the mean stands only "
-    "where there are enough runs, none has failed, and no few of them make it.",
+    "All receivers of a scenario had the same noise, seed by seed. A seed is one observation. An "
+    "RMS over runs is the root of the mean of their mean squares, including lost runs. Over all "
+    "scenarios it is the mean of theirs. Differences are between the values of single runs or, "
+    "over all scenarios, between a seed's means over them.",
+    "A difference is the first receiver minus the second: below 0 the first one is better. The "
+    "sign test, which assumes nothing, decides which is better. The table has an interval of the "
+    "mean only with enough runs, without failed runs, and unless a few runs dominate the mean.",
     WITHIN,
     f"{LOST} Update: time of an update, of our receivers in their engine for one simulation; only "
     "roughly so.",
@@ -52,12 +52,12 @@ def words_of(response: str) -> str:
 
 
 def _some(names: Sequence[str]) -> str:
-    """Names for a sentence; those of a long list are counted."""
+    """Names for a sentence; a long list is replaced by its length."""
     return listed(names, most=_NAMED, shown=_NAMED - 1)
 
 
 def in_place(it: Tournament, place: str) -> list[str]:
-    """The receivers that were in a place, the one with the least median first."""
+    """The receivers that were in a place, beginning with the smallest median."""
     there = set(it.levels.loc[it.levels["scenario"] == place, "receiver"])
     return [receiver for receiver in it.receivers if receiver in there]
 
@@ -84,7 +84,7 @@ def answer(it: Tournament) -> str:
 
 
 def _reached(it: Tournament, place: str, names: Sequence[str]) -> str:
-    """What the receivers have, over all runs."""
+    """The receivers' values over all runs."""
     unit = unit_of(it.response)
     values = ", ".join(f"{name} {measured(reached(it.level(place, name)), unit)}" for name in names)
     runs = it.level(place, names[0])["runs"]
@@ -95,14 +95,14 @@ def _reached(it: Tournament, place: str, names: Sequence[str]) -> str:
 
 
 def reached(row: Any) -> float:
-    """What a receiver has over all runs: of an RMS that over the runs, else the mean."""
+    """A receiver's value over all runs: for an RMS the RMS over the runs, else the mean."""
     return float(row["mean"] if isnan(row["rms_over_runs"]) else row["rms_over_runs"])
 
 
 def _best(it: Tournament, place: str, best: str) -> Iterator[str]:
-    """Sentences on the best receiver and the others; first those that assume nothing.
+    """Sentences on the best receiver and the others, beginning with those that assume nothing.
 
-    Who is surely better than the one with the least median comes before it.
+    Receivers that are surely better than the one with the smallest median come first.
     """
     rows = [row for row in rows_of(it, place, it.response) if row.one == best]
     better, equal, open_, worse = (
@@ -136,7 +136,7 @@ def _best(it: Tournament, place: str, best: str) -> Iterator[str]:
 
 
 def _turned(row: Any) -> Any:
-    """The difference of the second receiver less the first, which is worse."""
+    """The difference of the second receiver minus the first, which is worse."""
     return row._replace(
         one=row.other, other=row.one, wins=row.losses, losses=row.wins, verdict="better",
         median=-row.median, low=-row.high, high=-row.low,
@@ -182,7 +182,7 @@ def _dives(row: Any) -> str:
 
 
 def _though(it: Tournament, place: str, best: str, others: Sequence[str]) -> Iterator[str]:
-    """What a share of dives does not show: that the better one is lost, or fails, more often."""
+    """What the share of dives hides: the better receiver is lost, or fails, more often."""
     mine = it.level(place, best)
     scenarios = len(it.places) - 1 if place == ALL else 1
     for what, said, runs in (("lost", "it was lost", scenarios * mine["runs"]),
@@ -192,7 +192,7 @@ def _though(it: Tournament, place: str, best: str, others: Sequence[str]) -> Ite
 
 
 def _exceptions(it: Tournament) -> Iterator[str]:
-    """Where a receiver is surely better than one that has a lesser median over all."""
+    """Places where a receiver is surely better than one with a smaller median over all."""
     for place in it.places:
         found = [
             row for row in rows_of(it, place, it.response)
@@ -203,11 +203,11 @@ def _exceptions(it: Tournament) -> Iterator[str]:
             yield f"In {place}, {_some(pairs)}."
 
 
-# --- What stands beside --------------------------------------------------------------------------
+# --- Remarks -------------------------------------------------------------------------------------
 
 
 def notes(it: Tournament) -> Iterator[str]:
-    """What must be known beside the answer: lost and failed runs, tails, too few runs."""
+    """Remarks beside the answer: lost and failed runs, tails, too few runs."""
     for place in (place for place in it.places if place != ALL):
         for receiver in in_place(it, place):
             yield from beside(it, place, receiver)
@@ -231,7 +231,7 @@ def start(it: Tournament) -> Iterator[str]:
 
 
 def beside(it: Tournament, place: str, receiver: str) -> Iterator[str]:
-    """What must be known beside the RMS or the mean of a receiver."""
+    """Remarks on the RMS or the mean of a receiver."""
     row = it.level(place, receiver)
     if row["failed"]:
         yield (
@@ -249,7 +249,7 @@ def beside(it: Tournament, place: str, receiver: str) -> Iterator[str]:
 
 
 def _example(it: Tournament, place: str, receiver: str) -> str:
-    """A run in which a receiver has failed, with its own message if that was kept."""
+    """A run in which a receiver failed, with its own message if that was kept."""
     mine = it.table[(it.table["scenario"] == place) & it.table[f"{receiver}.{it.response}"].isna()]
     own = mine[mine["error"].astype(str).str.contains(rf"\b{re.escape(receiver)}\b")]
     first = (own if len(own) else mine).iloc[0]
@@ -280,7 +280,7 @@ def _too_few(it: Tournament) -> Iterator[str]:
 
 
 def unbounded(it: Tournament) -> Iterator[str]:
-    """Bounds that each receiver has too few runs for."""
+    """Missing bounds for which each receiver has too few runs."""
     runs = int(it.settings["runs"])
     share = it.settings["contamination"]
     least = least_runs(share, ALPHA / 2)
@@ -298,7 +298,7 @@ def unbounded(it: Tournament) -> Iterator[str]:
 
 
 def text(it: Tournament, verbose: bool = False, width: int | None = None) -> str:
-    """The answer, what stands beside it, and a table for each place."""
+    """The answer, the remarks, and a table for each place."""
     lines = [it.answer, *notes(it)]
     for place in sorted(it.places, key=lambda place: place != ALL):
         lines += ["", f"{place}: {it.settings['runs']} runs"]
@@ -336,7 +336,7 @@ def _heads(it: Tournament) -> tuple[str, ...]:
 
 
 def _first(it: Tournament) -> str:
-    """What the receivers have, for the head of a column."""
+    """The receivers' value, for the heading of a column."""
     unit = f" [{unit_of(it.response)}]" if unit_of(it.response) else ""
     return f"{words_of(it.response).removesuffix(' total error')}{unit}"
 
@@ -347,7 +347,7 @@ def levels(it: Tournament, place: str, width: int | None) -> Iterator[str]:
 
 
 def spreads(it: Tournament, place: str, width: int | None) -> Iterator[str]:
-    """The lines of the table of the spread between the runs."""
+    """The lines of the table of the spread over the runs."""
     head = (f"{_first(it)} of each run", *_SPREADS)
     return _table([*_spreads(it, place)], width, head, range(1, 7), (5, 6))
 
@@ -359,7 +359,7 @@ def _table(
     right: Sequence[int],
     optional: Sequence[int],
 ) -> Iterator[str]:
-    """A table without optional columns that are empty."""
+    """A table without empty optional columns."""
     kept = [i for i in range(len(head)) if i not in optional or any(row[i] != "–" for row in rows)]
     return table(
         [[row[i] for i in kept] for row in rows], width, [head[i] for i in kept],
@@ -426,7 +426,7 @@ def _spreads(it: Tournament, place: str) -> Iterator[tuple[str, ...]]:
 def _differences(it: Tournament, place: str, response: str) -> Iterator[tuple[str, ...]]:
     for row in rows_of(it, place, response):
         said = row.verdict
-        # What any verdict takes is said once, for all pairs.
+        # The runs that any verdict needs are given once, for all pairs.
         own = pd.notna(row.runs_needed) and (row.runs >= row.least or row.runs_needed > row.least)
         if said == "undecided" and own:
             said += f"; about {row.runs_needed:,} runs would decide"

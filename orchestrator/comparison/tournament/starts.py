@@ -1,4 +1,4 @@
-"""What receivers know of the start of a run, and the same start for all."""
+"""What receivers know about the start of a run, and the same start for all."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from ...words.lists import listed, plural
 
 _PRIOR = number_of(INITIALISATION, "prior")
 _KEYS = ("prior", "initialisation", "prior_position_std_m", *PRIOR_KEYS)
-"""Keys of a receiver that say where it begins."""
+"""Keys that set where a receiver begins."""
 
 
 def evened(scenario: Scenario) -> Scenario:
-    """The scenario, with receivers that begin with what they receive first."""
+    """The scenario, with receivers that begin with the first samples that they receive."""
     tables = scenario.given()
     receiver = tables.get("receiver", {})
     if not any(key in receiver for key in _KEYS):
@@ -33,14 +33,14 @@ def evened(scenario: Scenario) -> Scenario:
 def knowing(study: Study) -> list[str]:
     """Receivers of a study that are told where the diver begins, by their labels.
 
-    They begin there: at the true position, or at one that the scenario gives. A receiver without
-    a parameter for it, such as most of a user's own, begins with what it receives first.
+    They begin there: at the true position, or at one that the scenario gives. A receiver without a
+    parameter for it, such as most of a user's own, begins with the first samples that it receives.
     """
     receiver = study.base.receiver
     if not study.base.true_prior and receiver.initialisation != "prior":
         return []
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # they are given when it runs
+        warnings.simplefilter("ignore")  # they are issued when it runs
         campaign = prepare(study)
     components = campaign.points[0].system.components
     return [
@@ -53,14 +53,14 @@ def knowing(study: Study) -> list[str]:
 def sentences(
     known: Mapping[str, Sequence[str]], receivers: Mapping[str, Sequence[str]]
 ) -> Iterator[str]:
-    """Where receivers begin with different knowledge, a line for each scenario.
+    """Remarks on receivers that begin with different knowledge, one line for each scenario.
 
     Parameters
     ----------
     known
         Receivers that know the start, by scenario.
     receivers
-        All that ran in it.
+        All receivers that ran in it.
     """
     for place, told in known.items():
         others = [name for name in receivers[place] if name not in told]
