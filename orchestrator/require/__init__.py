@@ -1,4 +1,4 @@
-"""Requirements: which design is the cheapest that surely suffices, with runs where they decide.
+"""Requirements: the cheapest design that surely suffices, with runs where they decide.
 
 >>> from sblcosim import require                       # doctest: +SKIP
 >>> require.decide("one-metre", "answers/one-metre")   # doctest: +SKIP
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Question", "Requirement", "decide", "load", "shipped"]
 
-if not TYPE_CHECKING:  # a checker would take any name for one of ours
+if not TYPE_CHECKING:  # a type checker would accept any name
     _get, __dir__ = lazy.names(
         __name__,
         {

@@ -22,7 +22,7 @@ Floats = NDArray[np.float64]
 _LOOKS = {"suffices": ("o", 2), "undecided": ("D", 3), "fails": ("X", 0)}
 """Marker of each verdict, and its colour among those of receivers."""
 _WIDEST = 5.0
-"""Ratio of the largest to the smallest value from which the axis is logarithmic."""
+"""Ratio of the largest to the smallest value above which the axis is logarithmic."""
 _WIDE, _NARROW, _HEIGHT = 6.4, 3.7, 4.2
 """Widths of the figure, and its height without legend and key [inch]."""
 
@@ -32,15 +32,14 @@ def plot_front(
 ) -> Axes:
     """Cost against the value that the required share of the runs is within.
 
-    Bars are the bounds, as far as they are claimed. Designs without a finite value are arrows at
-    the upper edge; the legend counts those that were not tried. The designs that the answer names
-    have letters; those that do not suffice are small. Without costs, designs stand in the order of
-    their accuracy.
+    Bars are the claimed bounds. Designs without a finite value are arrows at the upper edge. The
+    legend counts designs that were not tried. The designs that the answer names have letters. Those
+    that do not suffice are small. Without costs, designs are ordered by their accuracy.
 
     Parameters
     ----------
     narrow
-        A figure of its own for a narrow page; not of axes that are given.
+        Draw a new figure for a narrow page; has no effect on given axes.
     """
     with use(theme, ax) as look:
         q = answer.question
@@ -91,7 +90,7 @@ def plot_narrow(answer: Requirement, theme: ThemeName = "light") -> Axes:
 
 
 def _places(answer: Requirement) -> pd.DataFrame:
-    """The designs with their place on the horizontal axis."""
+    """The designs with their positions on the horizontal axis."""
     if answer.question.costs:
         return answer.designs.assign(x=answer.designs["cost"])
     order = answer.designs["estimate"].rank(method="first", na_option="bottom")
@@ -120,7 +119,8 @@ def _designs(ax: Axes, answer: Requirement, at: pd.DataFrame, look: Theme) -> No
 
 
 def _beyond(ax: Axes, answer: Requirement, at: pd.DataFrame, look: Theme) -> pd.DataFrame:
-    """Arrows for the designs without a finite value; all designs, these ones at the upper edge."""
+    """Arrows for designs without a finite value; returns all designs, with these at the upper
+    edge."""
     top = ax.get_ylim()[1]
     ax.set_ylim(top=top)
     far = at[(at["estimate"] == np.inf) & (at["runs"] > 0)]
@@ -137,7 +137,7 @@ def _beyond(ax: Axes, answer: Requirement, at: pd.DataFrame, look: Theme) -> pd.
 
 
 def _logarithmic(ax: Axes) -> None:
-    """A logarithmic axis with numbers as they are."""
+    """A logarithmic axis with plain numbers."""
     from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 
     ax.set_yscale("log")
@@ -147,7 +147,7 @@ def _logarithmic(ax: Axes) -> None:
 
 
 def _letter(ax: Axes, answer: Requirement, at: pd.DataFrame, look: Theme) -> None:
-    """A ring around the design that the answer is about, and letters at all that it names."""
+    """A ring around the design that the answer is about, and letters beside all that it names."""
     known = at[np.isfinite(at["estimate"])]
     letters = {row: letter for row, letter in answer.letters.items() if row in known.index}
     ring: Any = known[known.index == answer.named]
@@ -170,7 +170,7 @@ def _letter(ax: Axes, answer: Requirement, at: pd.DataFrame, look: Theme) -> Non
 
 
 def _key(answer: Requirement, narrow: bool) -> list[str]:
-    """What the letters stand for, line by line."""
+    """The meaning of the letters, line by line."""
     lines = [
         re.sub(r"(?<=\d) ", "\u00a0", f"{letter}  {answer.roles[row]}: {answer.priced(row)}")
         for row, letter in answer.letters.items()
@@ -182,7 +182,7 @@ def _key(answer: Requirement, narrow: bool) -> list[str]:
 def _write(ax: Axes, key: list[str]) -> None:
     """The legend above the axes, and the key to the letters below them."""
     figure: Any = ax.figure
-    figure.draw_without_rendering()  # so that all ticks are known
+    figure.draw_without_rendering()  # makes all ticks known
     renderer, inch = figure.canvas.get_renderer(), figure.dpi
     for columns in (3, 2, 1):
         legend = figure.legend(loc="upper left", ncols=columns, columnspacing=1.4,
@@ -208,6 +208,6 @@ def _write(ax: Axes, key: list[str]) -> None:
 
 
 _WIDE_LINE, _NARROW_LINE = 88, 48
-"""Characters of a line of the key."""
+"""Characters in a line of the key."""
 _LINE = 0.165
-"""Height of a line of it [inch]."""
+"""Height of a line of the key [inch]."""

@@ -20,24 +20,24 @@ from ..study.definition import value_of
 from ..study.study import load
 
 RUNS = 400
-"""Runs without each source."""
+"""Number of runs without each source."""
 EVERYTHING = "everything"
 """Name of the runs in which nothing is switched off."""
 
 
 @dataclass(frozen=True)
 class Limiting:
-    """What a design's percentile would be.
+    """A design's percentile without some sources of error.
 
     Attributes
     ----------
     everything
-        With all sources of error, by these runs.
+        The percentile with all sources of error, in these runs.
     without
-        By source: without it, the smallest first.
+        The percentile without each source, by name, the smallest first.
     enough
-        Fewest of the largest sources without which it would be within the limit; empty if it is,
-        or if that is not enough either.
+        The fewest of the largest sources whose removal brings the percentile within the limit.
+        Empty if it is within the limit already, or never.
     """
 
     everything: float
@@ -46,7 +46,7 @@ class Limiting:
 
 
 def switches(scenario: Scenario) -> dict[str, dict[str, Any]]:
-    """Keys to change, and to what, to be without each of a scenario's sources of error."""
+    """Keys that switch off each of a scenario's sources of error, with their values."""
     return {
         SOURCES[name].words: sources.switched(scenario, [name])
         for name in sources.of_scenario(scenario)
@@ -61,16 +61,16 @@ def limiting(
     limit: float,
     workers: int | None = None,
 ) -> Limiting:
-    """Switch off each source of error of a design, and as many as it takes.
+    """Switch off each source of error of a design, and then as many as needed.
 
     Parameters
     ----------
     about
         Keys of the study of these runs: responses, settling time and seed.
     percentile
-        Of some runs of that study, and of a receiver's label.
+        Function of some runs of that study and of a receiver's label.
     limit
-        Of the percentile.
+        Limit of the percentile.
     """
     off = switches(scenario)
     if not off:
@@ -105,7 +105,7 @@ def _percentiles(
     own = {key: value_of(scenario, key) for key in next(iter(off.values()))}
     levels = {EVERYTHING: _nested(own), **{name: _nested(keys) for name, keys in off.items()}}
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", NoEffectWarning)  # of what describes an error that is off
+        warnings.simplefilter("ignore", NoEffectWarning)  # for keys of errors that are off
         study = load(
             {
                 **about, "scenario": scenario.given(), "receivers": [receiver],

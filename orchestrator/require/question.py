@@ -34,40 +34,40 @@ from .sequential import MOST_RUNS, Rule
 
 PACKAGE = "sblcosim.require"
 _FRAME = "absolute_"
-"""Frame of a response that names none: errors in the world."""
+"""Frame of a response whose name has none: errors in the world."""
 OF_STUDY = ("name", "title", "scenario", "fixed", "seed", "settling_time_s", "conditions")
-"""Keys that mean the same in a study file."""
+"""Keys with the same meaning in a study file."""
 _OF_CHOICE = ("label", "unit", "keys", "levels", "costs")
 _Share = Annotated[float, Field(gt=0.0, lt=1.0)]
 
 
 class Terms(Table):
-    """Keys of a question file beside those that mean the same in a study file.
+    """Keys of a question file that have no equal in a study file.
 
     Attributes
     ----------
     response
-        What is required of, for each run: a response, or ``FILE.py:FUNCTION``. A name without a
-        frame is of the absolute error: ``total_p95_m`` is ``absolute_total_p95_m``.
+        The required response of each run: a name, or ``FILE.py:FUNCTION``. A name without a frame
+        is for the absolute error: ``total_p95_m`` is ``absolute_total_p95_m``.
     limit
         Largest value of the response with which a run passes, in its unit.
     share
-        Of the runs, that must pass.
+        Share of the runs that must pass.
     confidence
-        That no claim about any design is wrong.
+        Probability that no claim about any design is wrong.
     most_runs
-        Budget.
+        Budget of runs.
     currency
-        Of the costs.
+        Currency of the costs.
     """
 
-    response: str = Field(description="What is required of, for each run")
+    response: str = Field(description="Required response of each run")
     limit: Annotated[float, Field(allow_inf_nan=False)] = Field(
         description="Largest value of the response with which a run passes"
     )
-    share: _Share = Field(default=0.95, description="Of the runs, that must pass")
+    share: _Share = Field(default=0.95, description="Share of the runs that must pass")
     confidence: _Share = Field(
-        default=0.95, description="That no claim about any design is wrong"
+        default=0.95, description="Probability that no claim about any design is wrong"
     )
     most_runs: Annotated[int, Field(ge=1, le=MOST_RUNS)] = Field(
         default=40_000, description="Budget of runs"
@@ -82,11 +82,11 @@ class Candidate:
     Attributes
     ----------
     levels
-        By choice.
+        Level of each choice.
     cost
         Sum over the choices.
     group
-        Index among the combinations of all choices but the receiver, in the study's order.
+        Index among the combinations of all choices except the receiver, in the study's order.
     receiver
         Label of its receiver.
     """
@@ -106,13 +106,13 @@ class Question(Shown):
     terms
         The requirement and the budget.
     study
-        Its choices are the factors, and every run is one of its runs.
+        The choices are its factors, and every run is one of its runs.
     costs
-        By choice: cost of each level. A choice without costs is not in it.
+        Cost of each level, by choice. Choices without costs are left out.
     response
         Second part of the column in the table of runs.
     tables
-        Those of its file.
+        Tables of the question's file.
     """
 
     terms: Terms
@@ -129,7 +129,7 @@ class Question(Shown):
 
     @property
     def unit(self) -> str:
-        """Of response and limit."""
+        """Unit of response and limit."""
         return unit_of(self.response)
 
     @property
@@ -148,7 +148,7 @@ class Question(Shown):
 
     @cached_property
     def rule(self) -> Rule:
-        """When a design is surely good."""
+        """The rule for when a design surely suffices."""
         return Rule(
             self.terms.share, 1 - self.terms.confidence, len(self.designs), len(self.conditions)
         )
@@ -171,16 +171,16 @@ class Question(Shown):
 
     @property
     def _rows(self) -> list[dict[str, Level]]:
-        """Conditions of the points, which change slower than all choices."""
+        """Conditions of the points, which change more slowly than all choices."""
         study, first = self.study, len(self.study.varied_factors)
         rows = dict.fromkeys(tuple(values[first:]) for values in study.points.values)
         return [dict(zip(study.conditions, row, strict=True)) for row in rows]
 
     @cached_property
     def conditions(self) -> dict[tuple[tuple[str, Level], ...], list[int]]:
-        """Conditions that a design must hold in one by one, each with its rows of points.
+        """Conditions in each of which a design must suffice, each with its rows of points.
 
-        The rows of one of them are conditions whose runs count together.
+        The runs of all rows of one condition count together.
         """
         found: dict[tuple[tuple[str, Level], ...], list[int]] = {}
         for index, row in enumerate(self._rows):
@@ -191,8 +191,9 @@ class Question(Shown):
     def places(self, group: int, condition: int, start: int, stop: int) -> NDArray[np.int64]:
         """Points, from 0, of the replicates after ``start`` of a group of designs in a condition.
 
-        Where conditions count together, each replicate is in one of them, drawn at random: so the
-        runs of a design are draws of one distribution. The draw is that of the replicate's number.
+        Where conditions count together, each replicate is in one of them, drawn at random. The runs
+        of a design are therefore draws from one distribution. The replicate's number decides the
+        draw.
         """
         rows = np.array([*self.conditions.values()][condition], np.int64)
         drawn = np.random.Philox(key=self.study.seed).random_raw(stop)[start:]
@@ -205,7 +206,7 @@ class Question(Shown):
         return 1 + max(design.group for design in self.designs)
 
     def with_budget(self, most_runs: int) -> Question:
-        """A copy with another budget; the runs common to both are equal.
+        """A copy with another budget; runs within both budgets are equal.
 
         Raises
         ------
@@ -274,7 +275,7 @@ def load(source: str | Path | Mapping[str, Any]) -> Question:
         )
     response, asked = _response(where, terms.response)
     check_limit(f"{where}: limit", terms.limit, response)
-    # Side by side, receivers are on the same noise; every bound here holds whatever runs share.
+    # Receivers run side by side on the same noise; every bound here holds whatever runs share.
     alone = ([RECEIVERS_KEY], (RECEIVERS_KEY,))
     receivers = any(table.get("keys") in alone for table in choices.values())
     made = {
@@ -302,7 +303,7 @@ def load(source: str | Path | Mapping[str, Any]) -> Question:
 
 
 def _lines(where: str, error: ValidationError) -> list[str]:
-    """What pydantic found, in our own wording; a key that is misspelt is not missing, too."""
+    """Pydantic's findings in our own wording; a misspelt key is not reported as missing too."""
     found = dict.fromkeys(line(e, where, _Known) for e in error.errors())
     meant = {text.rpartition("did you mean ")[2] for text in found}
     missing = "{}: {}: must be given, got nothing"
@@ -343,7 +344,7 @@ def _choices(where: str, given: Any) -> dict[str, dict[str, Any]]:
 
 
 def _response(where: str, name: str) -> tuple[str, list[str]]:
-    """Name of a response, and what a study must be asked for to have it."""
+    """Name of a response, and what a study must be asked for to record it."""
     if ":" in name:
         return "", [name]
     known = name if name in RESPONSES else f"{_FRAME}{name}"
@@ -359,7 +360,7 @@ def _response(where: str, name: str) -> tuple[str, list[str]]:
 
 
 def passable(table: pd.DataFrame, response: str, label: str) -> NDArray[np.float64]:
-    """A receiver's response in some runs, infinite where the run failed or is lost."""
+    """A receiver's response in some runs; infinite where the run failed or is lost."""
     values = table[f"{label}.{response}"].to_numpy(np.float64, na_value=np.nan)
     lost = table[f"{label}.lost"].to_numpy(np.float64, na_value=1.0) != 0
     errors = table["error"].fillna("").to_numpy(str)

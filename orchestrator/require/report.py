@@ -1,4 +1,4 @@
-"""The folder of an answer: report, front, table of designs, and the scenario that is named."""
+"""The folder of an answer: report, front, table of designs, and the named design's scenario."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from .result import FIGURES, REPORT, SCENARIO, Requirement
 def write(answer: Requirement, folder: Path, theme: ThemeName = "light") -> None:
     """Write the page, and the scenario of the design that surely suffices, into a folder.
 
-    The figures are there already; those of another theme are drawn again for the page.
+    The figures exist already. They are drawn again for the page if their theme differs.
     """
     if answer.chosen is not None:
         (folder / SCENARIO).write_text(_scenario(answer, folder), "utf-8")
@@ -75,7 +75,7 @@ def _front(answer: Requirement, wide: PagePicture, narrow: PagePicture) -> Secti
 
 
 def _conditions(answer: Requirement) -> Section:
-    """The conditions, and how the designs that are named do in each."""
+    """The conditions, and the results of the named designs in each."""
     q, study = answer.question, answer.question.study
     how = {
         "all": "a design must suffice in each of them",

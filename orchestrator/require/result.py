@@ -39,7 +39,7 @@ reports: Any = Module("sblcosim.require.report")
 
 REPORT, SCENARIO = "report.html", "scenario.toml"
 FRONT, NARROW = "front", "front_narrow"
-"""The figure, for a wide page and for a narrow one."""
+"""The figures, for a wide page and for a narrow one."""
 
 _WITHIN_A_RUN = " The same holds for the percentile of the estimates in a run."
 VERDICTS: tuple[Decision, ...] = get_args(Decision)
@@ -53,30 +53,30 @@ class Requirement(Answer):
     Attributes
     ----------
     designs
-        One row per design, the cheapest first: the choices' levels, ``cost``, ``verdict``, and of
-        the condition that is worst for it ``condition``, ``runs`` and ``passed`` of them,
-        ``estimate`` of the percentile of the response that is to be within the limit (the order
-        statistic x₍⌈q n⌉₎), ``lower`` and ``upper`` bound of it (infinite where none is claimed: of
-        a decided design on the other side of its verdict); ``front``: no design is both
-        cheaper and better, by the estimates.
+        One row per design, the cheapest first: the choices' levels, ``cost``, ``verdict``, and for
+        the design's worst condition its ``condition``, ``runs``, the number ``passed``, the
+        ``estimate`` of the response's percentile that must be within the limit (the order statistic
+        x₍⌈q n⌉₎), and its ``lower`` and ``upper`` bound (infinite where none is claimed, as on the
+        other side of a decided design's verdict); ``front``: by the estimates, no design is both
+        cheaper and better.
     arms
-        The same numbers of each design in each condition, and the ``verdict`` there; ``design`` is
-        its row, ``condition`` the condition's name.
+        The same numbers for each design in each condition, with the ``verdict`` there. ``design``
+        is the row in `designs`, ``condition`` the condition's name.
     spent
-        Runs that were done, of all designs.
+        Number of runs of all designs.
     chosen
         Row of the cheapest design that surely suffices; None if none does.
     cheaper
-        Row of the next cheaper one that is on the front; None if nothing is cheaper.
+        Row of the next cheaper design on the front; None if nothing is cheaper.
     nearest
-        Row of the tried design with the smallest percentile, by its estimate; a design that surely
-        fails only where all do that were tried.
+        Row of the tried design with the smallest estimate of the percentile. It surely fails only
+        if all tried designs do.
     limits
-        What limits the design that is named: the chosen one, or the nearest.
+        What limits the named design: the chosen one, or the nearest.
     scenario
-        Of the design that is named, in the condition that is worst for it.
+        Scenario of the named design, in its worst condition.
     until_sure
-        Whether designs that are dearer than one that suffices were left alone.
+        Whether designs that are dearer than one that suffices got no further runs.
     """
 
     document = "require"
@@ -118,7 +118,7 @@ class Requirement(Answer):
         return {name: self.of(row)[name] for name in self.question.study.factors}
 
     def of(self, row: int) -> Any:
-        """All that is known of a design."""
+        """The numbers of a design."""
         return self.designs.loc[row]
 
     def priced(self, row: int) -> str:
@@ -167,7 +167,7 @@ class Requirement(Answer):
         return plain
 
     def located(self, folder: Path) -> dict[str, Any]:
-        """With the file of the scenario, if a design surely suffices."""
+        """Like `Answer.save`, with the scenario's file if a design surely suffices."""
         scenario = None if self.chosen is None else str(folder / SCENARIO)
         return {**super().located(folder), "scenario": scenario}
 
@@ -184,13 +184,14 @@ class Requirement(Answer):
     def write(
         self, folder: Path, theme: ThemeName = "light", figures: bool = True
     ) -> None:
-        """With the page, and the scenario of the design that surely suffices."""
+        """Like `Answer.save`, with the page and the scenario of the design that surely suffices."""
         super().write(folder, theme, figures)
         reports.write(self, folder, theme)
 
     @property
     def answer(self) -> str:
-        """In a few sentences: which, what of the next cheaper one, what limits it, how sure."""
+        """In a few sentences: the design, the next cheaper one, what limits it, and how sure it
+        is."""
         return " ".join(self.sentences())
 
     def sentences(self) -> list[str]:
@@ -226,7 +227,7 @@ class Requirement(Answer):
         return f", {'none' if every else self.untried} of them {'' if every else 'not '}tried"
 
     def _too_few(self) -> str:
-        """What a claim takes, where the budget is too small for any."""
+        """The runs that a claim needs, if the budget is too small for any claim."""
         runs = self.designs["runs"][self.designs["verdict"] == "undecided"]
         least, few, most = self.question.rule.least, int(runs.min()), int(runs.max())
         if most >= least:
@@ -258,14 +259,15 @@ class Requirement(Answer):
         )
 
     def _within(self, value: float) -> str:
-        """What the required share of some runs is within, infinite if too few have a response."""
+        """The value that the required share of some runs is within; too few have a response if
+        infinite."""
         share = percent(self.question.terms.share)
         if not isfinite(value):
             return f"fewer than {share} end well"
         return f"{share} are within {self._size(value)}"
 
     def _bounds(self, row: int) -> str:
-        """The bounds of a percentile that belong to what is said of a design."""
+        """The bounds of a percentile that belong to the verdict on a design."""
         of = self.of(row)
         low, high = (self._size(of[end]) if isfinite(of[end]) else "" for end in ("lower", "upper"))
         if low and not isfinite(of["estimate"]):
@@ -300,7 +302,7 @@ class Requirement(Answer):
         )
 
     def _others_undecided(self) -> str:
-        """How many cheaper designs are not decided, beside the one that is named."""
+        """How many cheaper designs are undecided, besides the named one."""
         cheaper = self.designs["cost"] < self.of(self.named)["cost"]
         cheaper &= self.designs.index != self.cheaper
         count = int((cheaper & (self.designs["verdict"] == "undecided")).sum())
@@ -309,7 +311,7 @@ class Requirement(Answer):
         return f" Of the cheaper ones, {doing(count, 'stay')} undecided besides."
 
     def _more(self, row: int) -> str:
-        """How many runs would decide a design that is undecided."""
+        """How many runs would decide an undecided design."""
         of = self.of(row)
         if of["verdict"] != "undecided" or not of["runs"]:
             return ""
@@ -339,7 +341,7 @@ class Requirement(Answer):
         )
 
     def limited(self) -> str:
-        """What limits the design that is named, and which change would do."""
+        """What limits the named design, and which change would suffice."""
         found, limit = self.limits, self.question.terms.limit
         if not found.without:
             return ""
@@ -357,7 +359,7 @@ class Requirement(Answer):
         return text
 
     def sure(self) -> str:
-        """How sure all this is."""
+        """The confidence of these claims."""
         q, counts = self.question, self.counts
         met = len(q.conditions)
         what = f"{len(self.designs)} designs" + (f" in {met} conditions" if met > 1 else "")
@@ -371,7 +373,7 @@ class Requirement(Answer):
         )
 
     def _took(self) -> str:
-        """How many runs there were, and how many there could be."""
+        """How many runs were made, and how many were allowed."""
         most = self.question.terms.most_runs
         if self.spent <= most:
             return f"That took {self.spent:,} of at most {most:,} runs."
@@ -409,7 +411,7 @@ class Requirement(Answer):
         Parameters
         ----------
         verbose
-            With all designs, and how to read the numbers.
+            Show all designs, and how to read the numbers.
         width
             Columns to fit into; None: sentences are not wrapped.
         """
@@ -430,7 +432,7 @@ class Requirement(Answer):
 
     @property
     def roles(self) -> dict[int, str]:
-        """What the designs are that the answer names, by row."""
+        """The roles of the designs that the answer names, by row."""
         if self.chosen is None:
             return {self.nearest: "the nearest"} if self.of(self.nearest)["runs"] else {}
         found = {self.chosen: "the answer"}
@@ -444,12 +446,12 @@ class Requirement(Answer):
 
     @property
     def worth(self) -> pd.DataFrame:
-        """The designs that no other one beats in cost and accuracy, and those that are named."""
+        """The designs on the front of cost and accuracy, and those that are named."""
         named = self.designs.index.isin([self.named, *self.roles])
         return self.designs[self.designs["front"].to_numpy(bool) | named]
 
     def table(self, designs: pd.DataFrame) -> tuple[list[str], list[list[str]]]:
-        """Head and rows of a table of designs, for people: what decides is first."""
+        """Heading and rows of a table of designs, for people; the deciding columns are first."""
         q, study = self.question, self.question.study
         unit = f" [{q.unit}]" if q.unit else ""
         letters = self.letters
@@ -473,7 +475,7 @@ class Requirement(Answer):
         return head, rows
 
     def _percentile(self) -> str:
-        """What kind of number a percentile is."""
+        """How a percentile is defined."""
         q = self.question
         return (
             f"What {percent(q.terms.share)} are within is an order statistic: of n runs, the one "
@@ -517,7 +519,7 @@ class Requirement(Answer):
 
 
 def missing(rule: Rule, passed: int, runs: int) -> str:
-    """How many runs would decide an arm, of which `passed` of `runs` have passed."""
+    """How many runs would decide an arm, given that `passed` of `runs` passed."""
     needed = rule.runs_to_decide(passed, runs)
     if needed is not None:
         return f"If its share stayed so, {needed:,} runs of it would decide it."
@@ -534,7 +536,7 @@ def missing(rule: Rule, passed: int, runs: int) -> str:
 
 
 def enough(limits: Limiting, limit: float) -> str:
-    """Without which errors a design that fails would do."""
+    """The errors without which a failing design would suffice."""
     if not limits.enough:
         return "Not even without all of them would it do."
     alone = [name for name, value in limits.without.items() if value <= limit]

@@ -1,4 +1,4 @@
-"""Answer a question: run batches where they decide, in a folder that can be resumed."""
+"""Answer a question: batches of runs where they decide, in a folder that can be resumed."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from .weighing import answered
 
 Floats = NDArray[np.float64]
 RUNS, ANSWER = "runs", "answer"
-"""Folders in that of an answer: a study's, with all runs, and the answer itself."""
+"""Subfolders of an answer: a study's folder with all runs, and the answer itself."""
 
 
 @interruptible
@@ -42,25 +42,25 @@ def decide(
     scheduler: str | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Requirement:
-    """Answer a question; runs that are in the folder already are not done again.
+    """Answer a question; runs in the folder are not repeated.
 
     The answer depends neither on the executor nor on the number of workers.
 
     Parameters
     ----------
     question
-        As of `sblcosim.require.load`, or its result.
+        As in `sblcosim.require.load`, or its result.
     out
         Folder. It gets ``runs``, the folder of a study with all runs, and ``answer`` with the
-        report, the front, the table of designs and the scenario of the design that is named.
+        report, the front, the table of designs and the scenario of the named design.
     most_runs
-        Budget in place of the question's. Runs that are in the folder count beyond it, too.
+        Budget that replaces the question's. Existing runs in the folder also count beyond it.
     until_sure
-        No new runs of designs that are dearer than one that surely suffices; it needs costs.
-        Designs of the same cost go on. The answer names the same design as without it, unless the
-        budget ends one of the two: what dearer designs save goes to cheaper ones.
+        Make no new runs of designs that are dearer than one that surely suffices. It needs costs.
+        Designs of the same cost continue. The answer names the same design as without this option,
+        unless the budget ends one of the two: runs saved on dearer designs go to cheaper ones.
     workers, executor, scheduler
-        As of `sblcosim.study.runner.run`.
+        As in `sblcosim.study.runner.run`.
     progress
         Called with the completed share, 0 to 1.
 
@@ -86,7 +86,8 @@ def decide(
 def decided(
     question: Question, folder: Path, how: How = HOW, until_sure: bool = False
 ) -> tuple[Elimination, dict[tuple[int, int], Floats]]:
-    """Run until all is decided; return what is, and the responses by design and condition."""
+    """Run until everything is decided; returns the decisions, and the responses by design and
+    condition."""
     folder = resolved(folder)
     campaign = prepare(question.study)
     try:
@@ -159,7 +160,7 @@ def _runs(question: Question, campaign: Campaign, batch: Batch) -> list[Run]:
 
 
 def _parts(campaign: Campaign, runs: Sequence[Run], how: How) -> Iterator[Sequence[Run]]:
-    """Runs in the parts that are stored together: what a kill can cost."""
+    """Runs per part of the storage: the most that a kill can lose."""
     longest = max(group.steps for group in campaign.groups)
     size = max(1, min(runner.BATCH, runner.BATCH_STEPS // longest))
     if not all(group.in_lanes for group in campaign.groups):
@@ -176,7 +177,7 @@ def _wanted(question: Question) -> parts.Wanted:
 
 
 def _responses(question: Question, table: pd.DataFrame) -> dict[str, Floats]:
-    """The response of each receiver in each run, infinite where it is missing or lost."""
+    """The response of each receiver in each run; infinite where it is missing or lost."""
     receivers = list(dict.fromkeys(c.partition(".")[0] for c in table.columns if "." in c))
     columns = [passable(table, question.response, label) for label in receivers]
     if len(table) and all(np.isinf(column).all() for column in columns):

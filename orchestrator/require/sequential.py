@@ -1,28 +1,28 @@
 """Sure decisions about shares, made while runs come in.
 
-A run passes or fails. Of each *arm*, a design in one of the conditions that it must hold in, it is
-asked whether its share of passing runs is at least q. With s of n runs passing, the evidence
-against the share being q is a mixture of likelihood ratios,
+A run passes or fails. An *arm* is a design in one of the conditions in which it must suffice. The
+question is whether the share of an arm's passing runs is at least q. With s of n runs passing, the
+evidence against the share q is a mixture of likelihood ratios,
 
     M = ½ (p₁/q)ˢ ((1 − p₁)/(1 − q))ⁿ⁻ˢ + ½ ∫ (p/q)ˢ ((1 − p)/(1 − q))ⁿ⁻ˢ dF(p).
 
 For *good* all p are above q, for *bad* all are below. Then M is a nonnegative supermartingale under
-every share of the other side, and by Ville's inequality P(M ≥ 1/risk for any n) ≤ risk: the bound
-holds at all times at once, whatever the responses are distributed like, and whenever one looks (H.
+every share on the other side, and by Ville's inequality P(M ≥ 1/risk for any n) ≤ risk. The bound
+holds at all times at once, whatever the distribution of the responses, and whenever one looks (H.
 Robbins, Ann. Math. Statist. 41, 1970, 1397–1409; S. R. Howard, A. Ramdas, J. McAuliffe and
 J. Sekhon, Ann. Statist. 49, 2021, 1055–1080). F is the Beta distribution with mean q and the weight
-of `WEIGHT` runs, cut off at q; p₁ is `NEAR` of the way from q to the nearer of 0 and 1 away: two
-points at q = 0.95. The same counts bound the percentile q of any response, as the share of the runs
-below the true percentile is q at most (Howard and Ramdas, Bernoulli 28, 2022, 1704–1728).
+of `WEIGHT` runs, cut off at q; p₁ is `NEAR` of the way from q to the nearer of 0 and 1: two
+points at q = 0.95. The same counts bound the percentile q of any response, because the share of the
+runs below the true percentile is at most q (Howard and Ramdas, Bernoulli 28, 2022, 1704–1728).
 
-A share of the risk belongs to each claim. Of D designs that must hold in C conditions, one is
-*good* if it is in every condition: to say so wrongly, one must be wrong in a condition in which it
-is not, so each condition may take the whole risk/D (intersection-union test: R. L. Berger,
-Technometrics 24, 1982, 295–300). It is *not* if it is not in some condition, for which each has
+Each claim has a share of the risk. With D designs and C conditions, a design is *good* if it is in
+every condition. A wrong claim of this needs an error in a condition where the design is not good,
+so each condition may use the whole risk/D (intersection-union test: R. L. Berger, Technometrics 24,
+1982, 295–300). A design is *not* good if it fails in some condition, for which each condition has
 risk/(D C). A design is either good or not, so both claims have the whole risk.
 
-Of a design that stays undecided two bounds are said at once, in whichever condition: each of the
-2 D C bounds has risk/(2 D C), so all these intervals together have the whole risk, too.
+For an undecided design both bounds are stated at once, in whichever condition. Each of the 2 D C
+bounds has risk/(2 D C), so all these intervals together have the whole risk, too.
 """
 
 from __future__ import annotations
@@ -40,12 +40,12 @@ Ints = NDArray[np.int64]
 Decision = Literal["suffices", "fails", "undecided"]
 
 WEIGHT = 50.0
-"""Of the continuous part of the mixture [runs]."""
+"""Weight of the continuous part of the mixture [runs]."""
 NEAR = 0.4
-"""How far away the other part is, as a share of the way from q to the nearer of 0 and 1."""
+"""Distance of the other part from q, as a share of the way to the nearer of 0 and 1."""
 FIRST, GROWTH, LANES = 96, 1.1, 8
-"""Runs of an arm at its first look, factor from look to look, and what the looks are multiples of:
-the largest number of lanes of a processor."""
+"""Runs of an arm at its first look, factor from look to look, and common divisor of the looks: the
+largest number of lanes of a processor."""
 
 MOST_RUNS = 10_000_000
 """Largest budget."""
@@ -60,7 +60,7 @@ def looks() -> Iterator[int]:
 
 
 def evidence(passed: int, runs: int, share: float, above: bool) -> float:
-    """Logarithm of the mixture M, for a share that is above, or below, the required one."""
+    """Logarithm of the mixture M for a share above, or below, the required one."""
     from scipy import special
 
     a, b = WEIGHT * share, WEIGHT * (1 - share)
@@ -78,7 +78,7 @@ def evidence(passed: int, runs: int, share: float, above: bool) -> float:
 
 @cache
 def enough(runs: int, share: float, risk: float) -> int:
-    """Fewest passing runs that surely make the required share; more than there are if none do."""
+    """Fewest passing runs that surely meet the required share; `runs` + 1 if no number does."""
     low, high = 0, runs + 1  # the evidence grows with each run that passes
     while low < high:
         middle = (low + high) // 2
@@ -91,7 +91,7 @@ def enough(runs: int, share: float, risk: float) -> int:
 
 @cache
 def too_few(runs: int, share: float, risk: float) -> int:
-    """Most passing runs that surely do not make the required share; −1 if there is no such."""
+    """Most passing runs that surely miss the required share; −1 if no number does."""
     low, high = -1, runs
     while low < high:
         middle = (low + high + 1) // 2
@@ -104,16 +104,16 @@ def too_few(runs: int, share: float, risk: float) -> int:
 
 @dataclass(frozen=True)
 class Rule:
-    """When a design is surely good, and when it is surely not.
+    """When a design is surely good, and when it surely is not.
 
     Attributes
     ----------
     share
-        Of the runs, that must pass.
+        Share of the runs that must pass.
     risk
-        Of any wrong claim about any design.
+        Risk of any wrong claim about any design.
     designs, conditions
-        How many there are; each design must hold in all of the conditions.
+        Numbers of designs and conditions; a design must be good in all conditions.
     """
 
     share: float
@@ -122,7 +122,8 @@ class Rule:
     conditions: int = 1
 
     def enough(self, runs: int) -> int:
-        """Fewest passing runs of an arm that is surely good; more than there are if none are."""
+        """Fewest passing runs of an arm that is surely good; more than `runs` if no number is
+        enough."""
         return enough(runs, self.share, self.risk / self.designs)
 
     def too_few(self, runs: int) -> int:
@@ -130,13 +131,13 @@ class Rule:
         return too_few(runs, self.share, self.risk / (self.designs * self.conditions))
 
     def verdict(self, passed: int, runs: int) -> Decision:
-        """What is sure of an arm."""
+        """The sure verdict on an arm."""
         if runs and passed >= self.enough(runs):
             return "suffices"
         return "fails" if runs and passed <= self.too_few(runs) else "undecided"
 
     def runs_to_decide(self, passed: float, runs: int) -> int | None:
-        """Runs at the look that would decide an arm if its share stayed; None if none would.
+        """Number of runs at the look that would decide an arm if its share stayed the same.
 
         None means that not even `MOST_RUNS` would.
         """
@@ -150,13 +151,13 @@ class Rule:
 
     @property
     def least(self) -> int:
-        """Runs of the first look that may say *good*: if all of them pass."""
+        """Runs at the first look that can say *good*, if all of them pass."""
         return next(n for n in looks() if self.enough(n) <= n)
 
 
 @dataclass(frozen=True)
 class Batch:
-    """Runs to do: those of a group of designs in a condition, after the first ``start``."""
+    """Runs to make: those of a group of designs in a condition, after the first ``start``."""
 
     group: int
     condition: int
@@ -166,25 +167,25 @@ class Batch:
 
 @dataclass
 class Elimination:
-    """Which designs are decided, and which runs come next.
+    """Which designs are decided, and which runs are next.
 
-    All undecided arms go from look to look together, those of the cheaper designs first if the
-    budget does not reach for all. A design is left alone when it is decided, one of its arms when
-    that is good.
+    All undecided arms go from look to look together, beginning with those of the cheaper designs if
+    the budget does not cover all. A design gets no further runs once it is decided, and an arm once
+    it is good.
 
     Attributes
     ----------
     groups
-        By design, the cheapest first: the group of designs with which it shares its runs.
+        For each design, the cheapest first: the group of designs with which it shares its runs.
     most_runs
-        Budget of runs, over everything.
+        Budget of runs for everything.
     prices
-        By design; with them, one that is dearer than one that suffices gets no new runs.
+        Price of each design. With prices, designs dearer than one that suffices get no new runs.
     runs
-        Done so far, by group and condition.
+        Runs so far, by group and condition.
     seen, passed
-        By design and condition: the runs that count, the first ones until it was decided, and how
-        many of them have passed.
+        By design and condition: the runs that count, which are those until it was decided, and the
+        number of these that passed.
     """
 
     rule: Rule
@@ -204,13 +205,13 @@ class Elimination:
             self._members.setdefault(group, []).append(design)
 
     def arm(self, design: int, condition: int) -> Decision:
-        """What is sure of a design in a condition."""
+        """The sure verdict on a design in a condition."""
         return self.rule.verdict(
             int(self.passed[design, condition]), int(self.seen[design, condition])
         )
 
     def verdict(self, design: int) -> Decision:
-        """What is sure of a design."""
+        """The sure verdict on a design."""
         arms = {self.arm(design, c) for c in range(self.rule.conditions)}
         return next(v for v in ("fails", "undecided", "suffices") if v in arms)
 
@@ -220,12 +221,12 @@ class Elimination:
         return int(self.runs.sum())
 
     def batches(self, known: Callable[[Batch], bool] = lambda batch: False) -> list[Batch]:
-        """The next batches; none if all is decided or the budget is used up.
+        """The next batches; none if everything is decided or the budget is used up.
 
         Parameters
         ----------
         known
-            Whether all runs of a batch are there already: those count, whatever the budget is.
+            Whether all runs of a batch exist already: those count, whatever the budget is.
         """
         left, found = self.most_runs - self.spent, {}
         verdicts = [self.verdict(design) for design in range(len(self.groups))]
@@ -245,13 +246,13 @@ class Elimination:
         return list(found.values())
 
     def _too_dear(self, design: int, verdicts: Sequence[Decision]) -> bool:
-        """Whether a cheaper design surely suffices, if that ends it."""
+        """Whether a cheaper design surely suffices, if that ends the search."""
         if self.prices is None or "suffices" not in verdicts:
             return False
         return self.prices[verdicts.index("suffices")] < self.prices[design]
 
     def add(self, batch: Batch, passed: Mapping[int, int]) -> None:
-        """Note how many runs of a batch have passed, by design; decided designs do not count."""
+        """Record how many runs of a batch have passed, by design; decided designs are skipped."""
         self.runs[batch.group, batch.condition] = batch.stop
         for design in self.counting(batch):
             self.seen[design, batch.condition] = batch.stop
@@ -270,22 +271,22 @@ class Elimination:
 def percentile(
     values: NDArray[np.float64], rule: Rule, decided: bool = True
 ) -> tuple[float, float, float]:
-    """The percentile of an arm's response that is to be within the limit, and its two bounds.
+    """The percentile of an arm's response that must be within the limit, and its two bounds.
 
     Parameters
     ----------
     values
-        Of the runs in any order, infinite if they failed.
+        Responses of the runs in any order; infinite if a run failed.
     decided
-        Whether one of the bounds is said, that of the claim. Else both are, and hold at once.
+        Whether only the bound of the claim is stated. Otherwise both are, and hold at once.
 
     Returns
     -------
     estimate, lower, upper
-        The order statistic x₍⌈q n⌉₎ of n runs, which the required share q of them is not above, and
-        the runs between which the percentile is. Those of a claim hold for all designs together,
-        each kind for itself; those of undecided designs hold together, both. Infinite where there
-        is none.
+        The order statistic x₍⌈q n⌉₎ of n runs, which at least the share q of them does not exceed,
+        and bounds of the percentile. The bounds of claims hold for all designs together, separately
+        for each kind. Both bounds of undecided designs hold together. Infinite where there is no
+        bound.
     """
     n = len(values)
     if n == 0:

@@ -8,20 +8,21 @@ from ..data.tables import Columns, TableColumn
 
 DESIGNS = Columns(
     "DesignDecided",
-    "A design of a question, in the condition that is worst for it.",
+    "A design of a question, in its worst condition.",
     (),
     (
         TableColumn("cost", "Sum of the costs of its levels.", heading="cost", type=float),
-        TableColumn("verdict", "It surely suffices, it surely does not, or neither is sure.",
+        TableColumn("verdict", "The design surely suffices, surely does not, or neither is sure.",
                     heading="verdict", type=Literal["suffices", "fails", "undecided"]),
-        TableColumn("condition", "Empty if there is one only.", type=str),
-        TableColumn("runs", "That count: until it was decided.", heading="runs", type=int),
-        TableColumn("passed", "Of these.", type=int),
-        TableColumn("estimate", "What the required share of the runs is within; null if too many "
-                    "are lost."),
-        TableColumn("lower", "Bound of the percentile; null where none is claimed, as of a design "
-                    "that suffices."),
-        TableColumn("upper", "The same; null of a design that fails."),
+        TableColumn("condition", "Name of the condition; empty if there is only one.", type=str),
+        TableColumn("runs", "Number of runs that count: those until the design was decided.",
+                    heading="runs", type=int),
+        TableColumn("passed", "Number of these runs that pass.", type=int),
+        TableColumn("estimate", "Value that the required share of the runs is within; null if too "
+                    "many are lost."),
+        TableColumn("lower", "Lower bound of the percentile; null where none is claimed, as for a "
+                    "design that suffices."),
+        TableColumn("upper", "Upper bound of the percentile; null for a design that fails."),
         TableColumn("front", "No other design is cheaper and better.", type=bool),
     ),
     more="a column for the level of each choice",

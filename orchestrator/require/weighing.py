@@ -1,4 +1,4 @@
-"""From the runs of a question to its answer: designs compared, and one of them named."""
+"""From the runs of a question to its answer: designs are compared, and one of them is named."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ def answered(
     values
         Responses of the runs that count, by design and condition.
     workers
-        For the runs that tell what limits a design.
+        Workers for the runs that show what limits a design.
     """
     arms = _arms(question, elimination, values)
     designs = _table(question, elimination, arms)
     good = designs[designs["verdict"] == "suffices"]
-    # Of equal cost, the more accurate one; a missing estimate is the worst.
+    # With equal costs, the more accurate design; a missing estimate is worst.
     order = ["cost", "estimate"] if question.costs else ["estimate"]
     chosen = None if good.empty else int(good.sort_values(order, kind="stable").index[0])
     cheaper = None
@@ -70,14 +70,15 @@ def answered(
 def _arms(
     question: Question, elimination: Elimination, values: Mapping[tuple[int, int], Floats]
 ) -> pd.DataFrame:
-    """One row per design and condition, as `Requirement.arms`."""
+    """One row per design and condition, as in `Requirement.arms`."""
     rows = []
     for number in range(len(question.designs)):
         for at, condition in enumerate(question.conditions):
             verdict = elimination.arm(number, at)
             mine = values.get((number, at), np.empty(0))
             estimate, lower, upper = percentile(mine, question.rule, verdict != "undecided")
-            # What is decided has its whole risk on the side of the claim: the other end is none.
+            # A decided arm has its whole risk on the side of its claim, so the other bound does not
+            # exist.
             lower = -np.inf if verdict == "suffices" else lower
             upper = np.inf if verdict == "fails" else upper
             rows.append({
@@ -90,7 +91,7 @@ def _arms(
 
 
 def _table(question: Question, elimination: Elimination, arms: pd.DataFrame) -> pd.DataFrame:
-    """One row per design, as `Requirement.designs`, and ``worst``: the number of its condition."""
+    """One row per design, as in `Requirement.designs`, with ``worst``: its condition's number."""
     rows, met = [], len(question.conditions)
     every: list[Any] = arms.to_dict(orient="records")
     for number, design in enumerate(question.designs):
@@ -111,15 +112,15 @@ def _table(question: Question, elimination: Elimination, arms: pd.DataFrame) -> 
 def _badness(
     *, verdict: Decision, runs: int, passed: int, estimate: float, **_: object
 ) -> tuple[int, float, float]:
-    """What makes a condition the worst one for a design: it fails, or is undecided, or far off."""
+    """Order of conditions, the worst first: failing, undecided, or farthest from the limit."""
     known = estimate if runs else -np.inf
     return ["suffices", "undecided", "fails"].index(verdict), known, (runs - passed) / max(runs, 1)
 
 
 def _nearest(designs: pd.DataFrame) -> int:
-    """Row of the design that is nearest to what is required: one that does not surely fail, if any.
+    """Row of the design that is closest to the requirement: one that does not surely fail, if any.
 
-    Of a design without runs nothing is known, so it comes last.
+    Designs without runs come last, because nothing is known about them.
     """
     ranked = designs.assign(
         estimate=designs["estimate"].fillna(np.inf), untried=designs["runs"] == 0,
