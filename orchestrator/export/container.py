@@ -35,20 +35,20 @@ def export_fmu(
 ) -> Path:
     """Write a scenario as a single FMU (FMI 2) that holds all others.
 
-    Its variables are the outputs of the components, ``component.variable`` (local ones where they
-    are connected inside); it has no inputs and no parameters: the FMUs inside are baked.
+    Its variables are the outputs of the components, ``component.variable``; those connected inside
+    are local variables. It has neither inputs nor parameters: the FMUs inside are baked.
 
     Parameters
     ----------
     path
-        The file; None: ``NAME.fmu`` in the current folder. A file that is there is replaced.
+        Path of the file; None: ``NAME.fmu`` in the current folder. An existing file is replaced.
     scenario, receiver, overrides, components
         As in `sblcosim.export_ssp`.
 
     Raises
     ------
     ConfigurationError
-        As `sblcosim.export_ssp`; or the package ``fmu-manipulation-toolbox`` is not installed.
+        As in `sblcosim.export_ssp`; or the package ``fmu-manipulation-toolbox`` is not installed.
     FmuError
         An FMU cannot be built or read.
     """
@@ -58,14 +58,14 @@ def export_fmu(
         )
     settled = load(scenario, overrides)
     plan = fmu_plan(settled, receiver, components, 2, "a single FMU")
-    # The name of the file becomes an identifier in C.
+    # The file name becomes an identifier in C.
     content = _container(plan, re.sub(r"\W", "_", settled.name) + ".fmu")
     return written(Path(path or f"{settled.name}.fmu"), lambda file: write_file(file, content))
 
 
 def _container(plan: Plan, name: str) -> bytes:
     """The content of the FMU; `name` is that of its file."""
-    # imported here: the package is an option
+    # imported here: the package is optional
     from fmu_manipulation_toolbox.assembly import Assembly, AssemblyError, AssemblyNode
     from fmu_manipulation_toolbox.container import FMUContainerError
 

@@ -34,11 +34,11 @@ class ExportedPart:
     Attributes
     ----------
     name
-        Its name there, an identifier.
+        Its name in the export, an identifier.
     planned
         The component in the plan.
     fmu, description
-        Its FMU, and what the FMU says of itself.
+        Its FMU, and the FMU's model description.
     """
 
     name: str
@@ -54,7 +54,7 @@ def fmu_plan(
     fmi: int,
     what: str,
 ) -> Plan:
-    """The plan of a scenario that is to become `what`; all its components are FMUs of one version.
+    """The plan of a scenario for the export to `what`; all components are FMUs of one version.
 
     Raises
     ------
@@ -77,7 +77,7 @@ def fmu_plan(
 
 
 def _without_raw(system: System, receiver: Receivers) -> System:
-    """The system without the raw fix that runs along for comparison."""
+    """The system without the raw fix that every run includes for comparison."""
     if isinstance(receiver, Mapping) and RAW in receiver:
         return system
     return replace(
@@ -100,7 +100,7 @@ def parts_of(plan: Plan, bake: bool) -> list[ExportedPart]:
 
 
 def identifier(name: str, taken: Collection[str] = ()) -> str:
-    """A name as OMSimulator asks for it: ASCII letters, digits and _, a letter first."""
+    """A name as OMSimulator requires it: ASCII letters, digits and _, beginning with a letter."""
     stem = re.sub(r"[^A-Za-z0-9_]", "_", name)
     stem = name = stem if stem[0].isalpha() else f"x{stem}"
     number = 2
@@ -111,7 +111,7 @@ def identifier(name: str, taken: Collection[str] = ()) -> str:
 
 
 def _names(plan: Plan) -> dict[str, str]:
-    """The name of each component in a package; those that may stay as they are do."""
+    """The name of each component in a package; valid names are kept."""
     names = {c.name: c.name for c in plan.components if identifier(c.name) == c.name}
     for component in plan.components:
         if component.name not in names:
@@ -120,14 +120,14 @@ def _names(plan: Plan) -> dict[str, str]:
 
 
 def _baked(component: PlannedComponent, source: Fmu, plan: Plan) -> Path:
-    """The FMU with the scenario's numbers as start values; one of somebody else must have them."""
+    """The FMU with the scenario's numbers as start values; a foreign FMU must have them already."""
     known, fmi = of_file(source.path.stem), cast(Literal[2, 3], source.fmi)
     name, constants = known or ("", {})
     if known is None or source.path != build(name, fmi, False, None, **constants):
         for setting in component.settings:
             if setting.port.start != setting.values:
                 raise ConfigurationError(
-                    f"{component.name}: cannot be baked, as it is somebody else's FMU; its "
+                    f"{component.name}: cannot be baked, as it is a foreign FMU; its "
                     f"{setting.port.name} must start as {words(setting.port, setting.values)}, "
                     f"got {words(setting.port, setting.port.start or ())}"
                 )
@@ -142,14 +142,14 @@ def _baked(component: PlannedComponent, source: Fmu, plan: Plan) -> Path:
             else v
             for v in usual
         ),
-        step_size=step_ns(plan) / SECOND,  # also of a receiver that needs fewer: tools use one
+        step_size=step_ns(plan) / SECOND,  # also for a receiver that needs fewer: tools use one
         stop_time=plan.stop_ns / SECOND,
     )
     return build(name, fmi, False, baked, **constants)
 
 
 def links_of(plan: Plan) -> Iterator[tuple[tuple[str, str], tuple[str, str]]]:
-    """(component, variable) at both ends of every connection, variable by variable of the FMUs."""
+    """Both ends of every connection as (component, variable), for each variable of the FMUs."""
     names = _names(plan)
     by_name = {c.name: c for c in plan.components}
     for target in plan.components:
@@ -167,12 +167,12 @@ def links_of(plan: Plan) -> Iterator[tuple[tuple[str, str], tuple[str, str]]]:
 
 
 def step_ns(plan: Plan) -> int:
-    """The longest step in ns that divides all communication intervals."""
+    """The longest step that divides all communication intervals [ns]."""
     return math.gcd(*(c.interval_ns for c in plan.components))
 
 
 def outputs_of(part: ExportedPart) -> list[ModelVariable]:
-    """The numbers and switches among the outputs: libcosim, for one, drops enumerations."""
+    """Outputs that are numbers or switches: some tools, such as libcosim, drop enumerations."""
     return [
         v
         for v in part.description.modelVariables
@@ -181,19 +181,19 @@ def outputs_of(part: ExportedPart) -> list[ModelVariable]:
 
 
 def words(port: Port, values: tuple[Number, ...]) -> str:
-    """Values as XML has them; reading a number gives the same number."""
+    """Values as XML text that reads back as the same numbers."""
     if port.type == "Boolean":
         return " ".join("true" if value else "false" for value in values)
     return " ".join(map(repr, values))
 
 
 def written(path: Path, write: Callable[[Path], None]) -> Path:
-    """Write a file; its path.
+    """Write a file; returns its path.
 
     Raises
     ------
     ConfigurationError
-        It cannot be written.
+        The file cannot be written.
     """
     try:
         write(path)

@@ -1,14 +1,15 @@
 """A scenario as an SSP package for other tools.
 
-What is in a package is what other tools take (tried with FMPy, libcosim, ecos, OMSimulator and
-fmucontainer): connections from component to component only, one parameter set per component with
-the short names of its variables, all FMUs inside, names that are identifiers, and the step sizes as
-annotations: for the Open Simulation Platform that of the experiment, for OMSimulator the first of
-the system, as it reads no other and takes none of a component. The components' own intervals are in
-the system's second. Connectors and units are those of the FMUs' model descriptions.
+A package contains what other tools accept (tried with FMPy, libcosim, ecos, OMSimulator and
+fmucontainer): only connections from component to component, one parameter set per component with
+the short names of its variables, all FMUs, names that are identifiers, and the step sizes as
+annotations. For the Open Simulation Platform the step is that of the experiment. For OMSimulator
+it is the system's first annotation, because OMSimulator reads no other and none of a component.
+The components' own intervals are in the system's second annotation. Connectors and units are those
+of the FMUs' model descriptions.
 
-Some tools do not look at parameter sets. For them the FMUs can be *baked*: built with the
-scenario's numbers as start values. A baked package has no parameter sets: that shows what it is.
+Some tools ignore parameter sets. For them the FMUs can be *baked*: built with the scenario's
+numbers as start values. A baked package has no parameter sets, which distinguishes it.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ Version = Literal[1, 2]
 """Major version of the SSP standard."""
 
 PARAMETER_SET = "scenario"
-"""Name of every parameter set: tools apply the sets of one name."""
+"""Name of every parameter set; tools apply the sets with one name."""
 
 
 @interruptible
@@ -66,27 +67,27 @@ def export_ssp(
     Parameters
     ----------
     path
-        The file; None: ``NAME.ssp`` in the current folder, ``NAME-baked.ssp`` if it is baked. A
-        file that is there is replaced.
+        Path of the file; None: ``NAME.ssp`` in the current folder, ``NAME-baked.ssp`` if it is
+        baked. An existing file is replaced.
     scenario, receiver, overrides, components
-        As in `sblcosim.run`. The raw fix is left out unless it is asked for.
+        As in `sblcosim.run`. The raw fix is left out unless it is requested.
     version
         1: SSP 1.0, FMI 2, scalars. 2: SSP 2.0, FMI 3, arrays.
     bake
-        Build the FMUs with the scenario's numbers as start values, for tools that do not look at
-        parameter sets; there are none in the package then. Needs a C compiler.
+        Build the FMUs with the scenario's numbers as start values, for tools that ignore parameter
+        sets. The package then has no parameter sets. Needs a C compiler.
 
     Returns
     -------
     Path
-        The file.
+        Path of the file.
 
     Raises
     ------
     ConfigurationError
         Something in the scenario or the arguments is wrong, or the scenario cannot be exported: a
-        component in Python, an FMU of the wrong version, a foreign FMU to be baked. Nothing is
-        written then.
+        component is in Python, an FMU has the wrong version, or a foreign FMU would be baked.
+        Nothing is written then.
     FmuError
         An FMU cannot be built or read.
     """
@@ -206,7 +207,7 @@ def _steps(system: ET.Element, plan: Plan, parts: list[ExportedPart]) -> None:
 
 
 def _connectors(part: ExportedPart, connected: set[tuple[str, str]]) -> list[ModelVariable]:
-    """Connected inputs, then outputs: FMPy mistakes the source of an input without connection."""
+    """Connected inputs, then outputs: FMPy misreads the source of an unconnected input."""
     inputs = [v for v in part.description.modelVariables if (part.name, v.name) in connected]
     return [*inputs, *outputs_of(part)]
 
@@ -223,7 +224,7 @@ def _connector(
     )
     kind = ET.SubElement(connector, f"ssc:{_type(variable, version)}")
     unit = _unit(variable)
-    # A name that stands for something else in another FMU is left to the model description.
+    # A unit name that has another meaning in another FMU is left to the model description.
     if unit is not None and _base(units[unit]) == _base(_defined(part)[unit]):
         kind.set("unit", unit)
     if version == 2:
@@ -271,7 +272,7 @@ def _parameter_set(part: ExportedPart, version: Version) -> ET.Element:
 
 
 def _type(variable: ModelVariable, version: Version) -> str:
-    """A variable's type; of an enumeration that of its numbers."""
+    """A variable's type; for an enumeration the type of its numbers."""
     if variable.type == "Enumeration":
         return "Integer" if version == 1 else "Int64"
     return str(variable.type)
@@ -282,7 +283,7 @@ def _annotation(group: ET.Element, kind: str) -> ET.Element:
 
 
 def _units(parts: list[ExportedPart]) -> dict[str, Unit]:
-    """Definition of every unit that a connector has, the first one if there are several."""
+    """Definition of every unit of a connector; the first one if there are several."""
     units: dict[str, Unit] = {}
     for part in parts:
         used = {_unit(v) for v in part.description.modelVariables}
@@ -301,7 +302,7 @@ def _unit(variable: ModelVariable) -> str | None:
 
 
 def _base(unit: Unit) -> dict[str, str]:
-    """Exponents, factor and offset of a unit, as far as they are not the defaults."""
+    """Exponents, factor and offset of a unit that differ from the defaults."""
     exponents = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
     defaults = {**dict.fromkeys(exponents, 0), "factor": 1.0, "offset": 0.0}
     given = {key: getattr(unit.baseUnit, key, default) for key, default in defaults.items()}
