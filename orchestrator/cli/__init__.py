@@ -21,7 +21,7 @@ from .common.app import app
 
 def main() -> None:
     """Entry point of the command."""
-    gc.set_threshold(100_000)  # what a command loads is no garbage, and is looked through often
+    gc.set_threshold(100_000)  # what a command loads is not garbage, but would be scanned often
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # whatever the terminal's encoding

@@ -1,4 +1,4 @@
-"""The command that maps the error of a receiver over an area, or against the distance."""
+"""The command that maps the error of a receiver over an area, or against distance."""
 
 from __future__ import annotations
 
@@ -49,8 +49,8 @@ def map_(
         typer.Option(
             "--area",
             metavar="NORTHxEAST|N,N,E,E",
-            help="Its size in m about the beacons, e.g. 60x60, or its bounds: north from and to, "
-            "east from and to.",
+            help="Size in m about the beacons, e.g. 60x60, or bounds: north from and to, east from "
+            "and to.",
         ),
     ] = None,
     distance: Annotated[
@@ -66,7 +66,7 @@ def map_(
     set_: SetOption = None,
     limit: Annotated[
         float | None,
-        numeric("--limit", float, "M", "The requirement in m: its contour, and more runs near it."),
+        numeric("--limit", float, "M", "Requirement in m: draws its contour, adds runs near it."),
     ] = None,
     cells: Annotated[
         str | None,
@@ -95,11 +95,11 @@ def map_(
         float, numeric("--settling", float, "S", "Time until errors count, in s.")
     ] = 20.0,
     radius: Annotated[
-        float, numeric("--radius", float, "M", "Of the circle that the diver swims, in m.")
+        float, numeric("--radius", float, "M", "Radius of the diver's circle in m.")
     ] = 3.0,
     speed: Annotated[
         float | None,
-        numeric("--speed", float, "M_S", "Of the diver in m/s [default: the scenario's]."),
+        numeric("--speed", float, "M_S", "Speed of the diver in m/s [default: the scenario's]."),
     ] = None,
     workers: Annotated[
         int | None, numeric("--workers", int, "N", "Threads [default: all cores].")
@@ -116,15 +116,15 @@ def map_(
     no_figures: NoFiguresOption = False,
     verbose: VerboseOption = False,
 ) -> None:
-    """Map the 95 % error of a receiver over an area, or against the distance from the platform.
+    """Map the 95 % error of a receiver over an area, or against distance from the platform.
 
     With --area, a diver circles about the middle of each cell. The errors of all epochs and runs
-    are pooled with those of neighbouring cells. Cells as a table, figures, and, where the scenario
-    has a place on Earth, contours as GeoJSON go to a folder. With --distance, divers circle at each
-    distance in all directions; the answer is a sentence for a data sheet, a table and a figure.
-    What is possible stands beside both. After Ctrl-C or a crash the same command goes on.
+    are pooled with those of neighbouring cells. A folder gets the cells as a table, figures and,
+    if the scenario has a place on Earth, contours as GeoJSON. With --distance, divers circle at
+    each distance in all directions. The answer is a sentence for a data sheet, a table and a
+    figure. Both show the possible error too. After Ctrl-C or a crash, the same command continues.
     """
-    # What a user's code prints is no part of the result.
+    # Output of the user's code is not part of the result.
     with waiting() as progress, redirect_stdout(sys.stderr):
         from ... import artifacts
         from ...areas.distance import map_distance
@@ -155,7 +155,7 @@ def _where(area: str | None, distance: str | None, depth: list[float]) -> tuple[
     Raises
     ------
     ConfigurationError
-        None or both are given, or an area at several depths.
+        Neither or both are given, or an area at several depths.
     """
     if (area is None) == (distance is None):
         raise ConfigurationError(

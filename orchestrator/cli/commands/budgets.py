@@ -1,4 +1,4 @@
-"""The command that finds out what an error comes from."""
+"""The command that finds the sources of an error."""
 
 from __future__ import annotations
 
@@ -46,14 +46,14 @@ def budget(
     set_: SetOption = None,
     better: Annotated[
         bool,
-        typer.Option("--better", help="Replace equipment by better one, instead of a perfect one."),
+        typer.Option("--better", help="Replace equipment with better, instead of perfect, one."),
     ] = False,
     together: Annotated[
         list[str] | None,
         typer.Option(
             "--with",
             metavar="A+B",
-            help="Switch these errors together, too, e.g. clock+sound-speed; repeat it for others.",
+            help="Also switch these errors together, e.g. clock+sound-speed; can be repeated.",
             autocompletion=_sources,
         ),
     ] = None,
@@ -64,15 +64,15 @@ def budget(
         str,
         typer.Option(
             metavar="absolute|own_relative",
-            help="Of the error: absolute, or to the platform's true position.",
+            help="Frame of the error: absolute, or relative to the platform's true position.",
             autocompletion=completion.words("absolute", "own_relative"),
         ),
     ] = "absolute",
     runs: Annotated[
-        int | None, numeric("--runs", int, "N", "With each switch [default: 400].", low=30)
+        int | None, numeric("--runs", int, "N", "Runs with each switch [default: 400].", low=30)
     ] = None,
     workers: Annotated[
-        int | None, numeric("--workers", int, "N", "At the same time [default: all cores].", low=1)
+        int | None, numeric("--workers", int, "N", "Parallel workers [default: all cores].", low=1)
     ] = None,
     out: Annotated[
         Path | None,
@@ -89,11 +89,12 @@ def budget(
     seed: SeedOption = None,
     no_figures: NoFiguresOption = False,
 ) -> None:
-    """Find out where the error comes from.
+    """Find the sources of the error.
 
     Switches each error of a scenario off alone, and on alone, in many runs with the same noise, and
-    does the same with the bound. Shares are of the mean square; what does not add up is printed.
-    The folder gets budget.csv and a bar chart. After Ctrl-C or a crash the same command goes on.
+    does the same for the bound. Shares are parts of the mean square; what does not add up is
+    printed. A folder gets budget.csv and a bar chart. After Ctrl-C or a crash, the same command
+    continues.
     """
     with waiting("simulating", remaining=True) as progress:
         from ... import artifacts

@@ -1,4 +1,4 @@
-"""Commands for FMUs: build ours, check anybody's."""
+"""Commands for FMUs: build ours, check any."""
 
 from __future__ import annotations
 
@@ -38,15 +38,15 @@ def build(
         bool,
         typer.Option(
             "--all-platforms",
-            help="For Linux and macOS on x86-64 and ARM and Windows on x86-64 in one file; "
-            "none: for this machine.",
+            help="One file for Linux and macOS on x86-64 and ARM, and Windows on x86-64; none: for "
+            "this machine only.",
         ),
     ] = False,
 ) -> None:
     """Build our components as FMUs.
 
-    They become DIR/fmi2/NAME.fmu and DIR/fmi3/NAME.fmu; for six beacons NAME6.fmu, if beacons
-    matter to them.
+    The files are DIR/fmi2/NAME.fmu and DIR/fmi3/NAME.fmu. With six beacons, components that depend
+    on the number are called NAME6.fmu.
     """
     from sblcosim.fmus.build.factory import build as build_fmu
     from sblcosim.fmus.files import write_file
@@ -76,9 +76,9 @@ def check(
     file: Annotated[Path, typer.Argument(metavar="FILE.fmu", readable=False)],
     as_json: JsonOption = False,
 ) -> None:
-    """Say whether an FMU can be a receiver.
+    """Report whether an FMU can be a receiver.
 
-    Lists its variables against the contract and loads it; the exit code is 1 if either fails.
+    Compares its variables with the contract and loads it. The exit code is 1 if either fails.
     """
     from sblcosim.fmus.conformance.receiver_contract import check_receiver
 
@@ -99,30 +99,30 @@ def conformance(
     file: Annotated[Path, typer.Argument(metavar="FILE.fmu", readable=False)],
     checks: Annotated[
         list[str] | None,
-        typer.Option("--check", metavar="NAME", help="One check only; repeat it for several."),
+        typer.Option("--check", metavar="NAME", help="Run only this check; can be repeated."),
     ] = None,
     timeout: Annotated[
         float,
-        numeric("--timeout", float, "SECONDS", "Time that a call may take.", low=0.1),
+        numeric("--timeout", float, "SECONDS", "Time limit for a call.", low=0.1),
     ] = 30.0,
     strict: Annotated[
-        bool, typer.Option("--strict", help="The exit code is 1 for warnings, too.")
+        bool, typer.Option("--strict", help="Exit with code 1 for warnings too.")
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Check that an FMU keeps the promises of FMI 2 or 3 Co-Simulation and its own.
 
-    A check has failed where the standard says otherwise; what is lawful but hurts users is a
-    warning. Crashes and calls that do not return are findings. A check is blocked if this machine
-    lacks what the FMU needs, such as a library or a licence. The exit code is 1 if a check has
-    failed, and 2 if FILE.fmu cannot be checked or a check is blocked.
+    A check fails if the standard is violated. Lawful behaviour that hurts users is a warning.
+    Crashes and calls that do not return are findings. A check is blocked if this machine lacks
+    something that the FMU needs, such as a library or a licence. The exit code is 1 if a check
+    fails, and 2 if FILE.fmu cannot be checked or a check is blocked.
     """
     from sblcosim.fmus.conformance.kit import CheckResult, examine
 
     def say_so(result: CheckResult) -> None:
         if not as_json:
             say(str(result))
-            sys.stdout.flush()  # also into a file: whoever waits sees how far it is
+            sys.stdout.flush()  # into a file too, so that its reader sees the progress
 
     with waiting("checking"):
         report = examine(file, only=checks or (), patience=timeout, each=say_so)

@@ -41,7 +41,7 @@ def ssp(
         Path | None,
         typer.Option(
             "--out", metavar="FILE.ssp",
-            help="The package, replaced if it is there [default: NAME.ssp, or NAME-baked.ssp].",
+            help="The package; replaces a file [default: NAME.ssp, or NAME-baked.ssp].",
         ),
     ] = None,
     receiver: ReceiverOption = None,
@@ -51,14 +51,14 @@ def ssp(
         bool,
         typer.Option(
             "--bake",
-            help="Build the FMUs with the scenario's numbers as start values, for tools that do "
-            "not look at parameter sets; needs a C compiler.",
+            help="Build the FMUs with the scenario's numbers as start values, for tools that "
+            "ignore parameter sets; needs a C compiler.",
         ),
     ] = False,
 ) -> None:
     """Write a scenario as an SSP package.
 
-    It holds all FMUs, their connections, parameters and step sizes.
+    The package holds all FMUs, their connections, parameters and step sizes.
     """
     with waiting("building"):
         from ...export.ssp import export_ssp
@@ -81,7 +81,7 @@ def fmu(
         Path | None,
         typer.Option(
             "--out", metavar="FILE.fmu",
-            help="The FMU, replaced if it is there [default: NAME.fmu].",
+            help="The FMU; replaces a file [default: NAME.fmu].",
         ),
     ] = None,
     receiver: ReceiverOption = None,
@@ -90,7 +90,7 @@ def fmu(
 ) -> None:
     """Write a scenario as a single FMU that holds all others.
 
-    Its outputs are COMPONENT.VARIABLE, its numbers those of the scenario. Needs a C compiler and
+    Its outputs are COMPONENT.VARIABLE, and its numbers are the scenario's. Needs a C compiler and
     the package fmu-manipulation-toolbox.
     """
     with waiting("building"):

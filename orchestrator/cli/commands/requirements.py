@@ -28,18 +28,18 @@ def require(
         typer.Option(
             "--out",
             metavar="DIR",
-            help="Folder; what is there already is not run again [default: answers/NAME].",
+            help="Folder; runs in it are not repeated [default: answers/NAME].",
         ),
     ] = None,
     most_runs: Annotated[
         int | None,
-        numeric("--most-runs", int, "N", "Budget, in place of the question's.", low=1),
+        numeric("--most-runs", int, "N", "Budget of runs that replaces the question's.", low=1),
     ] = None,
     until_sure: Annotated[
         bool,
         typer.Option(
             "--until-sure",
-            help="No new runs of designs that are dearer than one that surely suffices.",
+            help="Make no new runs of designs that are dearer than one that surely suffices.",
         ),
     ] = False,
     workers: WorkersOption = None,
@@ -50,8 +50,8 @@ def require(
 ) -> None:
     """Find the cheapest design that surely meets a requirement; runs go where they decide.
 
-    The folder gets a report, the front of cost and accuracy, and the design's scenario. After
-    Ctrl-C or a crash the same command goes on. The exit code is 1 if no design surely suffices.
+    A folder gets a report, the front of cost and accuracy, and the design's scenario. After Ctrl-C
+    or a crash, the same command continues. The exit code is 1 if no design surely suffices.
     """
     with waiting(remaining=True) as progress:
         from ...require import question as questions
@@ -77,7 +77,7 @@ def require(
 
 @app.command()
 def questions(as_json: JsonOption = False) -> None:
-    """List the questions that come with the project."""
+    """List the included questions."""
     from ... import listings
 
     found = listings.questions()

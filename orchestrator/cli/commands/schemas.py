@@ -14,13 +14,13 @@ from ..common.app import app, table
 
 _FILES: Mapping[str, str] = {
     "scenario": "scenario files; 'sblcosim new' writes it beside a scenario",
-    "study": "study files; write it beside yours, whose first line is then #:schema ./FILE",
-    "question": "question files, likewise",
+    "study": "study files; write it beside yours and begin yours with #:schema ./FILE",
+    "question": "question files; the same applies",
 }
 
 
 def _names() -> dict[str, str]:
-    """The schemas, each with what it is for."""
+    """The schemas, each with its purpose."""
     from ..documents.by_command import COMMANDS
 
     printed = {f"{it}.json": f"what 'sblcosim {that} --json' prints"
@@ -43,10 +43,10 @@ def schema(
         ),
     ] = None,
 ) -> None:
-    """Print a JSON schema of files, or of what --json prints.
+    """Print a JSON schema of files, or of the output of --json.
 
-    Editors of TOML take those of files, e.g. Even Better TOML, to complete and explain keys.
-    Without a name, list all.
+    Editors for TOML, e.g. Even Better TOML, use the schemas of files to complete and explain keys.
+    Without a name, list all schemas.
     """
     if name is None:
         table([*_names().items()])

@@ -1,4 +1,4 @@
-"""Commands for scenarios: simulate, smooth, look, begin a new one, calibrate."""
+"""Commands for scenarios: simulate, smooth, inspect, create, calibrate."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def run(
         typer.Option(
             "--master",
             metavar="native|python|lanes",
-            help="What runs it [default: native if it can].",
+            help="Master [default: native if possible].",
             autocompletion=completion.words("native", "python", "lanes"),
         ),
     ] = None,
@@ -78,22 +78,22 @@ def run(
     ] = False,
     runs: Annotated[
         int | None,
-        numeric("--runs", int, "N", "So many, each with the next seed: mean and spread.", low=2),
+        numeric("--runs", int, "N", "Number of runs, with consecutive seeds.", low=2),
     ] = None,
 ) -> None:
     """Simulate a scenario, or an SSP package, and write its results.
 
-    Prints a verdict for each receiver and the table of errors; the record, a manifest and the
-    figures go to a folder. The exit code is 1 if a receiver has given no estimate at all.
+    Prints a verdict for each receiver and the table of errors. A folder gets the record, a manifest
+    and the figures. The exit code is 1 if a receiver gave no estimate at all.
 
-    Of an SSP package, FILE.ssp, all is in the file: its communication intervals are those that
-    'sblcosim export ssp' has written, or the step given for OMSimulator or the Open Simulation
+    An SSP package, FILE.ssp, decides everything itself. Its communication intervals are those
+    written by 'sblcosim export ssp', or the step given for OMSimulator or the Open Simulation
     Platform, or the default step sizes of its FMUs, or a thousandth of the run. Without receivers,
     the folder has the record and the manifest.
 
-    With --runs N, prints how each receiver does in N runs, and mean and spread; the folder has
-    their tables, and a typical and the worst run in folders of their own. After Ctrl-C or a crash
-    the same command goes on, and also one with more runs.
+    With --runs N, prints the errors of each receiver over N runs, with mean and spread. The folder
+    has their tables, and subfolders with a typical and the worst run. After Ctrl-C or a crash, the
+    same command continues, also with more runs.
     """
     from ...results.figures.artist import forked_artist
 
@@ -116,7 +116,7 @@ def run(
         report(many, folder, wanted, as_json, verbose)
         refuse_silence(many)
         return
-    # What a user's code prints is no part of the result.
+    # Output of the user's code is not part of the result.
     with (
         forked_artist(not no_figures) as artist,
         waiting() as progress,
@@ -150,7 +150,7 @@ def _settled(
     fmi: int | None,
     seed: int | None,
 ) -> tuple[Any, str]:
-    """What is simulated, a scenario or the path of a package, and its name."""
+    """The scenario, or the path of a package, and its name."""
     from ...packages import is_package
     from ...scenario.scenario import load
 
@@ -171,14 +171,14 @@ def _settled(
 @app.command()
 def smooth(
     folder: Annotated[
-        Path, typer.Argument(metavar="RUN", help="Folder that 'sblcosim run' has written.")
+        Path, typer.Argument(metavar="RUN", help="Folder of a run, from 'sblcosim run'.")
     ],
     set_: Annotated[
         list[str] | None,
         typer.Option(
             "--set",
             metavar="KEY=VALUE",
-            help="Change what is assumed, e.g. receiver.acceleration_psd_m2_s3=0.003.",
+            help="Change an assumption, e.g. receiver.acceleration_psd_m2_s3=0.003.",
             autocompletion=completion.keys,
         ),
     ] = None,
@@ -193,10 +193,10 @@ def smooth(
     verbose: VerboseOption = False,
     no_figures: NoFiguresOption = False,
 ) -> None:
-    """Estimate the track of a finished run from all that was received in it.
+    """Estimate the track of a finished run from everything that was received in it.
 
-    The most probable track, forwards and backwards in time, with the model of the receiver
-    'coupled'; tables and figures have it beside the receivers of the run.
+    This is the most probable track, forwards and backwards in time, with the model of the receiver
+    'coupled'. Tables and figures show it beside the receivers of the run.
     """
     from ...results.figures.artist import forked_artist
 
@@ -223,8 +223,8 @@ def plan(
 ) -> None:
     """Print what would run, a scenario or an SSP package, and how it is connected.
 
-    Of a package: its components and systems, connections with units, and intervals, before the
-    tables of the run. With --svg FILE they are drawn as well, for light and dark pages.
+    For a package, print its components and systems, connections with units, and intervals before
+    the tables of the run. With --svg FILE, also draw them, for light and dark pages.
     """
     drawn = ""
     with waiting():
@@ -262,12 +262,12 @@ def calibrate(
     ] = 1530.0,
     assumed_sound_speed: Annotated[
         float,
-        numeric("--assumed-sound-speed", float, "M_S", "With which ranges are formed, in m/s."),
+        numeric("--assumed-sound-speed", float, "M_S", "Speed that ranging assumes, in m/s."),
     ] = 1500.0,
     range_std: Annotated[float, numeric("--range-std", float, "M", "Noise of a range in m.")] = 0.1,
     distance: Annotated[float, numeric("--distance", float, "M", "Known distance in m.")] = 10.0,
     distance_std: Annotated[
-        float, numeric("--distance-std", float, "M", "Its standard uncertainty in m.")
+        float, numeric("--distance-std", float, "M", "Standard uncertainty of the distance in m.")
     ] = 0.0,
     clock_offset: Annotated[
         float, numeric("--clock-offset", float, "S", "Receiver's clock error in s.")
@@ -286,8 +286,8 @@ def calibrate(
 ) -> None:
     """Calibrate the speed of sound and test the ranges.
 
-    As in the paper's section 2.3: the speed of sound from a known distance, and ranges at 0 to
-    100 m in steps of 5 m against the truth, through the Acoustics FMU.
+    Follows the paper's section 2.3: finds the speed of sound from a known distance, and compares
+    ranges at 0 to 100 m, in steps of 5 m, with the truth. Uses the Acoustics FMU.
     """
     with waiting("calibrating"):
         from ... import artifacts
@@ -312,7 +312,7 @@ def calibrate(
 
 @app.command()
 def scenarios(as_json: JsonOption = False) -> None:
-    """List the scenarios that come with the project."""
+    """List the included scenarios."""
     from ... import listings
 
     found = listings.scenarios()
@@ -351,7 +351,7 @@ def receivers(as_json: JsonOption = False) -> None:
 
 
 def _asked(system: likes.Like) -> dict[str, Any]:
-    """Answers to the questions about a system; Enter takes what stands in brackets."""
+    """Answers to the questions about a system; Enter takes the value in brackets."""
     from ...scenario.overrides import pairs
     from ...scenario.scenario import load
     from ...scenario.schema import rows, toml
@@ -397,7 +397,7 @@ def new(
         typer.Option(
             "--like",
             metavar="|".join(likes.LIKES),
-            help="Begin with a system of this kind; on a terminal its numbers are asked for.",
+            help="Begin with a system of this kind; on a terminal, its numbers are asked for.",
             autocompletion=completion.likes,
         ),
     ] = None,
@@ -406,8 +406,8 @@ def new(
 ) -> None:
     """Write a scenario file to begin with.
 
-    It runs as it is. Its schema, with which editors complete and explain keys, is written beside
-    it.
+    The scenario runs as it is. Its schema is written beside it; editors use it to complete and
+    explain keys.
     """
     from ...scenario.starter import starter
 

@@ -1,4 +1,4 @@
-"""Commands for studies: carry out, replay, analyse."""
+"""Commands for studies: run, replay, analyse."""
 
 from __future__ import annotations
 
@@ -45,38 +45,38 @@ StudyArgument = Annotated[
 ]
 ResultsArgument = Annotated[Path, typer.Argument(metavar="RESULTS", help="Folder of a study.")]
 ReplicatesOption = Annotated[
-    int | None, numeric("--replicates", int, "N", "In place of the study's.", low=1)
+    int | None, numeric("--replicates", int, "N", "Replicates, instead of the study's.", low=1)
 ]
 WorkersOption = Annotated[
-    int | None, numeric("--workers", int, "N", "At the same time [default: all cores].", low=1)
+    int | None, numeric("--workers", int, "N", "Parallel workers [default: all cores].", low=1)
 ]
 ExecutorOption = Annotated[
-    str, typer.Option("--executor", metavar="threads|processes", help="What the workers are.")
+    str, typer.Option("--executor", metavar="threads|processes", help="Kind of workers.")
 ]
 SchedulerOption = Annotated[
     str | None,
     typer.Option(
-        "--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers do it instead."
+        "--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers make the runs instead."
     ),
 ]
 MasterOption = Annotated[
     str | None,
     typer.Option(
-        "--master", metavar="native|python|lanes", help="What runs it [default: lanes if it can]."
+        "--master", metavar="native|python|lanes", help="Master [default: lanes if possible]."
     ),
 ]
 ResponseOption = Annotated[
     str | None,
-    typer.Option(metavar="NAME", help="Of the table of runs [default: RMS total error]."),
+    typer.Option(metavar="NAME", help="Column of the table of runs [default: RMS total error]."),
 ]
 WhoseOption = Annotated[
-    str | None, typer.Option(metavar="NAME", help="Whose [default: the first].")
+    str | None, typer.Option(metavar="NAME", help="Receiver [default: the first].")
 ]
 TransformOption = Annotated[
     str | None,
     typer.Option(
         metavar="none|log|spread",
-        help="Analyse the mean, its logarithm, or the spread [default: none; of a space log].",
+        help="Analyse the mean, its logarithm, or the spread [default: none; for a space log].",
     ),
 ]
 ErrorOption = Annotated[
@@ -100,7 +100,7 @@ PercentileOption = Annotated[
         "--percentile",
         float,
         "P",
-        "So many percent of the runs are to be within the limit [default: 90].",
+        "Share of runs, in per cent, that must be within the limit [default: 90].",
     ),
 ]
 ContaminationOption = Annotated[
@@ -109,7 +109,7 @@ ContaminationOption = Annotated[
         "--contamination",
         float,
         "SHARE",
-        "Of bad runs, that a mean is to hold against; the smaller, the more runs.",
+        "Share of bad runs against which a mean must hold; the smaller, the more runs.",
     ),
 ]
 
@@ -122,7 +122,7 @@ def study(
         typer.Option(
             "--out",
             metavar="DIR",
-            help="Folder for the results; what is there already is not run again "
+            help="Folder for the results; runs in it are not repeated "
             "[default: studies/NAME].",
         ),
     ] = None,
@@ -138,9 +138,9 @@ def study(
     as_json: JsonOption = False,
     verbose: VerboseOption = False,
 ) -> None:
-    """Run a factorial study, or what is missing of it.
+    """Run a factorial study, or the missing part of it.
 
-    The folder gets a table with a row per run. After Ctrl-C or a crash the same command goes on.
+    The folder gets a table with a row per run. After Ctrl-C or a crash, the same command continues.
     The exit code is 1 if all runs failed.
     """
     with waiting(remaining=True) as progress:
@@ -199,7 +199,7 @@ def _what_would_run(definition: Study, out: Path, how: How) -> StudyDocument:
 
 
 def _estimated(told: StudyDocument) -> str:
-    """What a study would take."""
+    """What a study would run, and how long it would take."""
     assert told.estimate is not None
     least, most = told.estimate.seconds_from, told.estimate.seconds_to
     time = "" if least is None or most is None else f"; {_duration(least, most)} on this machine"
@@ -229,7 +229,7 @@ def _amount(seconds: float) -> tuple[str, str]:
 @app.command()
 def replay(
     results: ResultsArgument,
-    run_id: Annotated[str, typer.Argument(metavar="RUN_ID", help="From the study's table.")],
+    run_id: Annotated[str, typer.Argument(metavar="RUN_ID", help="ID from the study's table.")],
     out: Annotated[
         Path | None,
         typer.Option("--out", metavar="DIR", help="Folder for the results [default: runs/RUN_ID]."),
@@ -239,7 +239,7 @@ def replay(
     verbose: VerboseOption = False,
     no_figures: NoFiguresOption = False,
 ) -> None:
-    """Do one run of a study again, with a full record."""
+    """Repeat one run of a study with a full record."""
     from ...results.figures.artist import forked_artist
 
     with forked_artist(not no_figures) as artist, waiting() as progress:
@@ -260,12 +260,12 @@ def analyse(
     response: ResponseOption = None,
     receiver: WhoseOption = None,
     order: Annotated[
-        int | None, numeric("--order", int, "N", "Interactions up to it [default: 2].", low=1)
+        int | None, numeric("--order", int, "N", "Order of interactions [default: 2].", low=1)
     ] = None,
     transform: TransformOption = None,
     error: ErrorOption = "pure",
     practical: Annotated[
-        float | None, numeric("--practical", float, "SIZE", "Effects below it do not matter.")
+        float | None, numeric("--practical", float, "SIZE", "Effects below this do not matter.")
     ] = None,
     out: Annotated[
         Path | None,
@@ -274,10 +274,10 @@ def analyse(
     as_json: JsonOption = False,
     verbose: VerboseOption = False,
 ) -> None:
-    """Say which factor of a study matters: report, tables and the paper's four pictures.
+    """Show which factor of a study matters: report, tables and the paper's four pictures.
 
-    The folder gets report.html, which works offline. Of a sweep it has the means at each level, of
-    a grid the differences of levels, of a space Sobol' indices.
+    A folder gets report.html, which works offline. For a sweep it has the means at each level, for
+    a grid the differences of levels, for a space Sobol' indices.
     """
     with waiting("analysing"):
         from ... import artifacts
@@ -308,15 +308,15 @@ def advise(
     results: ResultsArgument,
     costs: CostsOption,
     limit: Annotated[
-        float | None, numeric("--limit", float, "SIZE", "Largest error that will do.")
+        float | None, numeric("--limit", float, "SIZE", "Largest acceptable error.")
     ] = None,
     percentile: PercentileOption = None,
     mean: Annotated[
-        bool, typer.Option("--mean", help="The mean of the runs is to be within it instead.")
+        bool, typer.Option("--mean", help="Require the mean of the runs to be within it instead.")
     ] = False,
     contamination: ContaminationOption = 0.05,
     confidence: Annotated[
-        float, numeric("--confidence", float, "C", "That the advised design is good enough.")
+        float, numeric("--confidence", float, "C", "Confidence that the advised design suffices.")
     ] = 0.95,
     response: ResponseOption = None,
     receiver: WhoseOption = None,
@@ -326,9 +326,9 @@ def advise(
     as_json: JsonOption = False,
     verbose: VerboseOption = False,
 ) -> None:
-    """Find the cheapest design of a study that is good enough.
+    """Find the cheapest design of a study that suffices.
 
-    The exit code is 1 if none is sure to be.
+    The exit code is 1 if no design surely suffices.
     """
     with waiting("weighing"):
         from ... import artifacts
@@ -364,20 +364,20 @@ def paper(
     out: Annotated[
         Path,
         typer.Option(
-            "--out", metavar="DIR", help="Folder; what is there already is not run again."
+            "--out", metavar="DIR", help="Folder; runs in it are not repeated."
         ),
     ] = Path("paper"),
     quick: Annotated[
-        bool, typer.Option("--quick", help="Few replicates: a look at everything.")
+        bool, typer.Option("--quick", help="Use few replicates: a look at everything.")
     ] = False,
     practical: Annotated[
-        float, numeric("--practical", float, "SIZE", "Effects below it do not matter [m].")
+        float, numeric("--practical", float, "SIZE", "Effects below this do not matter [m].")
     ] = 0.5,
     workers: WorkersOption = None,
 ) -> None:
     """Reproduce the paper: its three studies, its tables and figures beside ours, in one report.
 
-    After Ctrl-C or a crash the same command goes on.
+    After Ctrl-C or a crash, the same command continues.
     """
     started = time.perf_counter()
     with waiting(remaining=True) as progress:
@@ -405,7 +405,7 @@ def paper(
 
 @app.command()
 def studies(as_json: JsonOption = False) -> None:
-    """List the studies that come with the project."""
+    """List the included studies."""
     from ... import listings
 
     found = listings.studies()

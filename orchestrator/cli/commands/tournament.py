@@ -44,18 +44,18 @@ ScenariosArgument = Annotated[
 def compare(
     scenarios: ScenariosArgument,
     receiver: ReceiverOption = None,
-    runs: Annotated[int, numeric("--runs", int, "N", "Of each scenario.", low=2)] = 200,
+    runs: Annotated[int, numeric("--runs", int, "N", "Runs of each scenario.", low=2)] = 200,
     set_: SetOption = None,
     practical: Annotated[
         float | None,
-        numeric("--practical", float, "SIZE", "Differences below it do not matter."),
+        numeric("--practical", float, "SIZE", "Differences below this do not matter."),
     ] = None,
     response: Annotated[
         str | None,
         typer.Option(
             "--response",
             metavar="NAME|FILE.py:FUNCTION",
-            help="What is compared, less is better [default: RMS total error].",
+            help="Response to compare, less is better [default: RMS total error].",
             autocompletion=completion.responses,
         ),
     ] = None,
@@ -89,15 +89,15 @@ def compare(
     verbose: VerboseOption = False,
     no_figures: NoFiguresOption = False,
 ) -> None:
-    """Say which receiver is better, on the same noise for all.
+    """Find out which receiver is better, with the same noise for all.
 
     Prints the answer, then for each scenario and over all of them the error, lost runs, covariance
-    and time of each receiver, and the paired differences, whose intervals all hold at once. Equal
-    is said only with --practical. The folder has the tables and a figure. After Ctrl-C or a crash
-    the same command goes on. The exit code is 1 if a receiver has given no estimate in any run of a
-    scenario.
+    and time of each receiver, and the paired differences, whose intervals hold simultaneously.
+    Receivers are called equal only with --practical. A folder gets the tables and a figure. After
+    Ctrl-C or a crash, the same command continues. The exit code is 1 if a receiver gave no estimate
+    in any run of a scenario.
     """
-    # What a user's code prints is no part of the result.
+    # Output of the user's code is not part of the result.
     with waiting(remaining=True) as progress, redirect_stdout(sys.stderr):
         from ... import artifacts
         from ...comparison.tournament.result import RESPONSE

@@ -35,12 +35,12 @@ def numeric(
     low: float | None = None,
     high: float | None = None,
 ) -> Any:
-    """An option that takes a number; a wrong one is refused in our words.
+    """An option that takes a number; a wrong one is refused in our wording.
 
     Parameters
     ----------
     low, high
-        Smallest and largest value that are taken.
+        Smallest and largest accepted value.
     """
     what = "a whole number" if kind is int else "a finite number"
     if low is not None:
@@ -83,16 +83,16 @@ ReceiverOption = Annotated[
     typer.Option(
         "--receiver",
         metavar="NAME|FILE.fmu|FILE.py:CLASS",
-        help="Receiver in place of the scenario's; repeat it to compare several on equal noise.",
+        help="Receiver instead of the scenario's; repeat it to compare several on equal noise.",
         autocompletion=completion.receivers,
     ),
 ]
 OneReceiverOption = Annotated[
-    list[str] | None,  # one that is given twice would silently be the last one
+    list[str] | None,  # of one given twice, only the last would silently be used
     typer.Option(
         "--receiver",
         metavar="NAME|FILE.fmu|FILE.py:CLASS",
-        help="Receiver in place of the scenario's.",
+        help="Receiver instead of the scenario's.",
         autocompletion=completion.receivers,
     ),
 ]
@@ -118,7 +118,7 @@ StepTimeoutOption = Annotated[
         "--step-timeout",
         float,
         "SECONDS",
-        "Until a call of an FMU of others or of a Python file is given up [default: 60].",
+        "Time limit in s for a call of an FMU of others or of a Python file [default: 60].",
     ),
 ]
 ForceOption = Annotated[
@@ -131,7 +131,7 @@ JsonOption = Annotated[
     ),
 ]
 VerboseOption = Annotated[
-    bool, typer.Option("--verbose", help="Say how to read the numbers, and give more of them.")
+    bool, typer.Option("--verbose", help="Print more numbers, and how to read them.")
 ]
 NoFiguresOption = Annotated[bool, typer.Option("--no-figures", help="Draw no figures.")]
 SeedOption = Annotated[int | None, numeric("--seed", int, "N", "Seed of all random numbers.")]
@@ -158,7 +158,7 @@ def _common(
 
 
 def one_receiver(given: list[str] | None) -> str | None:
-    """The receiver of a command that takes a single one; None: the scenario's."""
+    """The receiver of a command that takes only one; None: the scenario's."""
     if given and len(given) > 1:
         raise ConfigurationError(
             f"--receiver: must be given once, got {shortened(' and '.join(given))}; "
@@ -172,7 +172,7 @@ def overrides(keys: list[str] | None, seed: int | None) -> list[str]:
 
 
 def destination(out: Path | None, default: Path, force: bool) -> tuple[Path, Other]:
-    """The folder of the results, and what is done about those of another run."""
+    """The folder of the results, and what to do about results of another run."""
     return out or default, "replace" if force else "number" if out is None else "refuse"
 
 
@@ -202,7 +202,7 @@ def where(folder: Path, wanted: Path) -> str:
 def report(
     answer: Answer, folder: Path, wanted: Path, as_json: bool, verbose: bool = False, **shown: Any
 ) -> None:
-    """Print an answer that is in a folder; `shown` is for its text."""
+    """Print an answer that has been written to a folder; `shown` is for its text."""
     if as_json:
         from ..documents.by_command import document
 
@@ -214,7 +214,7 @@ def report(
 
 
 def refuse_silence(answer: Answer) -> None:
-    """End with exit code 1 if a receiver has given no estimate at all."""
+    """End with exit code 1 if a receiver gave no estimate at all."""
     for line in answer.problems:
         typer.echo(f"error: {line}", err=True)
     if answer.problems:
@@ -222,7 +222,7 @@ def refuse_silence(answer: Answer) -> None:
 
 
 def beside(results: Path, what: str) -> Path:
-    """Default folder of what is computed from a folder of results, also if that is ``.``."""
+    """Default folder for what is computed from a folder of results, even if that is ``.``."""
     whole = resolved(results)
     near = whole if results.name in {"", ".."} else results
     return near.parent / f"{whole.name}-{what}"
@@ -243,12 +243,12 @@ def waiting(
     Parameters
     ----------
     remaining
-        Show the remaining time, too.
+        Also show the remaining time.
 
     Yields
     ------
     function
-        Takes the share that is done, and perhaps a word for what is being done.
+        Takes the completed share, and optionally a word for the current activity.
     """
     if not sys.stderr.isatty():
         yield lambda share, doing="": say_warnings()

@@ -1,4 +1,4 @@
-"""What the shell offers to complete; where nothing fits, it offers files."""
+"""Completions for the shell; where nothing fits, it offers files."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from textwrap import shorten
 from typing import Any
 
 LONGEST = 70
-"""Characters of an explanation: more would be wrapped, which zsh does not take."""
+"""Longest explanation [characters]; a longer one would be wrapped, which zsh does not accept."""
 Offers = list[tuple[str, str]]
 """Words, each with its explanation; bash shows the words only."""
 
@@ -39,7 +39,7 @@ def questions(incomplete: str) -> Offers:
 
 
 def likes(incomplete: str) -> Offers:
-    """Offer the systems that a scenario may begin like."""
+    """Offer the kinds of system that a new scenario can begin with."""
     from ...scenario.likes import LIKES
 
     return starting(((name, it.about) for name, it in LIKES.items()), incomplete)
@@ -53,7 +53,7 @@ def receivers(incomplete: str) -> Offers:
 
 
 def responses(incomplete: str) -> Offers:
-    """Offer the responses that are better if smaller."""
+    """Offer the responses for which less is better."""
     from ...comparison.tournament.run import lesser
 
     return starting(lesser().items(), incomplete)
@@ -67,7 +67,7 @@ def components(incomplete: str) -> Offers:
 
 
 def keys(incomplete: str) -> Offers:
-    """Offer ``KEY=``, and for a single key its choices, or what holds without it."""
+    """Offer ``KEY=`` and, for a single key, its choices or its default."""
     from ...scenario.file_schema import scenario_schema
 
     offers: Offers = []
@@ -77,7 +77,7 @@ def keys(incomplete: str) -> Offers:
         if start.startswith(incomplete) or incomplete.startswith(start):
             offers.append((start, schema.get("description", "")))
             last = schema
-    if len(offers) == 1:  # two words or more, or bash would add a space
+    if len(offers) == 1:  # at least two words, or bash would add a space
         start, explained = offers[0]
         offers += [(f"{start}{value}", explained) for value in _values(last)]
     return starting(offers, incomplete)
@@ -103,7 +103,7 @@ def _values(schema: dict[str, Any]) -> Iterator[str]:
 
 
 def starting(offers: Iterable[tuple[str, str]], incomplete: str) -> Offers:
-    """Those that begin so."""
+    """The offers that begin with what was typed."""
     return [
         (word, shorten(explained, LONGEST, placeholder="…"))
         for word, explained in offers

@@ -1,4 +1,4 @@
-"""What a command has done of its runs is kept until it goes on, or its result is written."""
+"""A command's finished runs are kept until it continues, or until its result is written."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the API says of its arguments, in the words of the command line: by options."""
+"""Messages of the API in the words of the command line: options instead of arguments."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from itertools import zip_longest
 from typing import Any
 
 _UNIT = re.compile(r"(_time)?(_(m|s|m_s|Hz))?$")
-"""Ends of the names of arguments that options leave out."""
+"""Suffixes of argument names that options omit."""
 
 
 def in_options(line: str, command: Any, args: Sequence[str]) -> str:
-    """A message with the option that was typed in place of the argument that it became.
+    """A message that names the typed option instead of the argument that it became.
 
     Parameters
     ----------
     line
-        ``ARGUMENT: what must hold``, ``COMMAND ARGUMENT: …`` or ``override KEY: …``; behind the
-        name of a scenario or of a component, too, if the message ends with what was typed. Any
-        other is left as it is.
+        ``ARGUMENT: what must hold``, ``COMMAND ARGUMENT: …`` or ``override KEY: …``; also after the
+        name of a scenario or a component, if the message ends with the typed value. Any other
+        message is returned unchanged.
     command
         Click's, with its parameters.
     args
-        What was typed after its name. Without the command's name in front of it, an argument may be
-        the name of a scenario, so its option must be among these.
+        What was typed after the command's name. Without that name in front, an argument may be the
+        name of a scenario, so its option must be among these.
     """
     head, colon, rest = line.partition(": ")
     if not colon:
@@ -48,7 +48,7 @@ def in_options(line: str, command: Any, args: Sequence[str]) -> str:
 
 
 def _typed(args: Sequence[str]) -> dict[str, str]:
-    """Values by the options that were typed; empty where there is none."""
+    """Typed values by option; empty for an option without one."""
     found = {}
     for word, after in zip_longest(args, args[1:], fillvalue=""):
         if word.startswith("--"):

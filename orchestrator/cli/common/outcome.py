@@ -1,4 +1,4 @@
-"""How a command ends: whatever is raised or warned about becomes a line, and an exit code."""
+"""How a command ends: every exception and warning becomes a line, and an exit code."""
 
 from __future__ import annotations
 
@@ -34,19 +34,19 @@ from ...scenario.files import naming
 from .options import in_options
 
 TRACEBACK = "SBLCOSIM_TRACEBACK"
-"""Set to anything, it lets what is no exception of ours through, with its traceback."""
+"""Environment variable that lets unexpected exceptions through, with their traceback."""
 
 _HINT = f"; {TRACEBACK}=1 shows where"
 
 _NO_OUTPUT = (errno.ENOSPC, errno.EIO, errno.EBADF, errno.EFBIG, errno.EDQUOT)
-"""What writing to standard output fails with; all files of ours come with their names."""
+"""Errors of writing to standard output; errors of our files have a file name."""
 
 _UsageError: Any = typer.BadParameter.__base__
-"""Click's, which Typer keeps in different places."""
+"""Click's exceptions, which Typer keeps in different places."""
 
 
 class Commands(TyperGroup):
-    """Commands; an unknown one is refused in our words."""
+    """Commands; an unknown one is refused in our wording."""
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         name = args[0]
@@ -62,15 +62,15 @@ class Commands(TyperGroup):
 
 
 class ErrorReportingGroup(Commands):
-    """Prints a line per problem, and each warning once."""
+    """Prints a line for each problem, and each warning once."""
 
     def make_context(
         self, info_name: str | None, args: list[str], *arguments: Any, **options: Any
     ) -> Any:
         _typed.clear()
-        if options.get("resilient_parsing"):  # the shell completes: it wants no messages
+        if options.get("resilient_parsing"):  # the shell completes and wants no messages
             return super().make_context("sblcosim", args, *arguments, **options)
-        with _in_lines():  # messages say what people type, however the program was started
+        with _in_lines():  # messages show the command as typed, however the program was started
             _check_surroundings(args)
             return super().make_context("sblcosim", args, *arguments, **options)
 
@@ -122,7 +122,7 @@ def _in_lines() -> Iterator[None]:
 
 
 def stopped_line(stop: KeyboardInterrupt) -> str:
-    """What a stopped command says; the exception has the folders that were complete by then."""
+    """Message of a stopped command; the exception lists the folders that were complete by then."""
     what = "terminated" if isinstance(stop, Terminated) else "interrupted"
     written = ", ".join(shortened(str(path), 240) for path in stop.args)
     return f"{what}; {f'complete before that: {written}' if written else 'nothing was written'}"
@@ -136,7 +136,8 @@ def stopped(stop: KeyboardInterrupt) -> int:
 def kept(stop: KeyboardInterrupt, runs: str, folder: Path) -> NoReturn:
     """End a command that was stopped.
 
-    It says how many runs are in a folder and how to go on; without the folder, nothing was written.
+    It says how many runs are in a folder and how to continue. Without a folder, nothing was
+    written.
     """
     if not folder.exists():
         raise stop
@@ -144,7 +145,7 @@ def kept(stop: KeyboardInterrupt, runs: str, folder: Path) -> NoReturn:
 
 
 def typed() -> str:
-    """The command as it was given, for a shell."""
+    """The command as typed, for a shell."""
     return shlex.join(["sblcosim", *sys.argv[1:]])
 
 
@@ -160,7 +161,7 @@ def _end(line: str, code: int) -> NoReturn:
 
 
 def _unforeseen(error: Exception) -> str:
-    """The line for an exception that is not one of ours."""
+    """The line for an exception of another kind."""
     if isinstance(error, OSError) and error.strerror:
         if error.filename is None:
             return f"reading and writing must succeed, got {error.strerror}{_HINT}"
@@ -171,7 +172,7 @@ def _unforeseen(error: Exception) -> str:
 
 
 def _forget(stream: Any) -> None:
-    """Drop what is still to be written: at exit it would fail again."""
+    """Drop unwritten output: at exit it would fail again."""
     with suppress(OSError, ValueError):
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, stream.fileno())
@@ -208,24 +209,24 @@ def _usage(error: Any) -> str:
 
 
 def _names(param: Any) -> list[str]:
-    """Of an option; an argument has none."""
+    """Names of an option; an argument has none."""
     return [name for name in param.opts if name.startswith("-")]
 
 
 def _in_options(line: str) -> str:
-    """A message about an argument by the option that was typed."""
+    """A message about an argument that names the typed option."""
     return in_options(line, *_typed) if _typed else line
 
 
 _typed: list[Any] = []
-"""The command that runs, and what was typed after its name."""
+"""The running command, and what was typed after its name."""
 _pending: Counter[str] = Counter()
 _said: set[str] = set()
 
 
 @contextmanager
 def _warnings_in_lines() -> Iterator[None]:
-    """Print each warning once, with the number of times it was given."""
+    """Print each warning once, with its number of occurrences."""
     _pending.clear()
     _said.clear()
     try:
@@ -244,7 +245,7 @@ def _note(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -
 
 
 def say_warnings() -> None:
-    """Print the warnings that were given until now."""
+    """Print the warnings so far."""
     for text, times in list(_pending.items()):
         again = f" ({times} times)" if times > 1 else ""
         typer.echo(f"warning: {escaped(_in_options(text))}{again}", err=True)

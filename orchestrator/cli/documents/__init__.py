@@ -1,1 +1,1 @@
-"""What commands print with ``--json``: a class for each document, which is its schema, too."""
+"""Output of commands with ``--json``: a class for each document, which is also its schema."""

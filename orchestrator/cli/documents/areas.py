@@ -1,4 +1,4 @@
-"""What ``sblcosim map --json`` prints, of an area and of distances."""
+"""Output of ``sblcosim map --json``, for an area and for distances."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ DistanceRow: Any = part_of(DISTANCES)
 
 
 class MapSettings(DocumentPart):
-    """What was asked for."""
+    """The arguments."""
 
     area_m: list[float]
     """North from and to, east from and to."""
@@ -19,12 +19,12 @@ class MapSettings(DocumentPart):
     cells: list[int]
     """Rows and columns."""
     runs: int
-    """In each cell, in the first round."""
+    """Runs in each cell, in the first round."""
     error: Literal[
         "absolute_total", "absolute_horizontal", "relative_total", "relative_horizontal"
     ]
     limit_m: Number
-    """The requirement; null without one."""
+    """The requirement; null if there is none."""
     duration_s: float
     settling_s: float
     radius_m: float
@@ -33,24 +33,24 @@ class MapSettings(DocumentPart):
 
 
 class MapSummary(DocumentPart):
-    """Numbers over all cells; three are the least, the median and the largest."""
+    """Numbers over all cells; three numbers are the smallest, the median and the largest."""
 
     runs: int
     extra_runs: int
-    """Of these, near the requirement."""
+    """Number of these that were added near the requirement."""
     p95_m: list[Number]
     std_error_share: list[Number]
-    """Standard error of the 95 % error, as a share of it."""
+    """Relative standard error of the 95 % error."""
     possible_p95_m: list[Number]
     lost_share: float
     cells_with_many_lost: int
-    """With more than 5 % of their runs lost."""
+    """Number of cells with more than 5 % of their runs lost."""
     cells_without_estimate: int
-    """Where more than 5 % have no estimate, so that there is no 95 % error."""
+    """Number of cells without a 95 % error, as more than 5 % of the runs have no estimate."""
     cells_without_accuracy: int
-    """Where no accuracy is possible."""
+    """Number of cells where no accuracy is possible."""
     within_share: Number
-    """Share of the cells within the requirement; null without one."""
+    """Share of the cells within the requirement; null if there is none."""
     possible_within_share: Number
 
 
@@ -64,32 +64,32 @@ class Map(Document):
     """How the diver moves."""
     summary: MapSummary
     failures: dict[str, int]
-    """Messages of runs that have failed, with their number."""
+    """Messages of failed runs, with their number."""
     doubt: str | None
-    """Whether the circle turns faster than the receiver allows for; null if not."""
+    """Set if the circle turns faster than the receiver allows for, in words; else null."""
     caveat: str | None
-    """Errors that what is possible leaves out, if they matter; null if not."""
+    """Errors that the possible error leaves out, if they matter; else null."""
     data_sheet: str
     """A sentence for a data sheet, or why there is none."""
     folder: str
 
 
 class DistanceSettings(DocumentPart):
-    """What was asked for."""
+    """The arguments."""
 
     distance_m: list[float]
     """From and to."""
     depth_m: list[float]
-    """Of the diver, increasing."""
+    """Depths of the diver, increasing."""
     cells: int
     """Number of distances."""
     runs: int
-    """At each distance and depth."""
+    """Runs at each distance and depth."""
     error: Literal[
         "absolute_total", "absolute_horizontal", "relative_total", "relative_horizontal"
     ]
     limit_m: Number
-    """The requirement; null without one."""
+    """The requirement; null if there is none."""
     duration_s: float
     settling_s: float
     radius_m: float
@@ -111,12 +111,12 @@ class Distances(Document):
     """Up to which distance the requirement is kept, for each depth; null: nowhere, or no
     requirement."""
     possible_reach_m: list[Number]
-    """Up to which distance that is possible."""
+    """Up to which distance it can be kept."""
     distances: list[DistanceRow]
     failures: dict[str, int]
-    """Messages of runs that have failed, with their number."""
+    """Messages of failed runs, with their number."""
     doubt: str | None
-    """Whether the circle turns faster than the receiver allows for; null if not."""
+    """Set if the circle turns faster than the receiver allows for, in words; else null."""
     caveat: str | None
-    """Errors that what is possible leaves out, if they matter; null if not."""
+    """Errors that the possible error leaves out, if they matter; else null."""
     folder: str

@@ -1,4 +1,4 @@
-"""What ``sblcosim budget --json`` prints."""
+"""Output of ``sblcosim budget --json``."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ BudgetRow: Any = part_of(ROWS)
 
 
 class Budget(Document):
-    """Where the error of a receiver comes from."""
+    """The sources of a receiver's error."""
 
     folder: str
     scenario: str
@@ -19,26 +19,26 @@ class Budget(Document):
     answers: dict[Claimed, str]
     """By frame."""
     runs: int
-    """With each switch."""
+    """Runs with each switch."""
     dropped: int
-    """Seeds that are left out, because a run of theirs failed."""
+    """Number of seeds left out because one of their runs failed."""
     seed: int
-    """Of the first run."""
+    """Seed of the first run."""
     better: bool
-    """Equipment is replaced by better one, instead of switched off."""
+    """Whether equipment is replaced with better one, instead of switched off."""
     untold: bool
-    """The receiver assumes what it does without any switch."""
+    """Whether the receiver keeps the assumptions that it has without any switch."""
     lost: Number
-    """Share of the runs without any switch in which the receiver is lost at the end."""
+    """Share of the runs, without any switch, that end lost."""
     bound_runs: int
     """Runs over which the bound is averaged; 0 if there is none."""
     bound_kind: Literal["bound", "reference"] | None
     acceleration_psd_m2_s3: Number
     """q of the bound."""
     fixed: list[str]
-    """Sources with an error that is the same in every run."""
+    """Sources whose error is the same in every run."""
     unchanged: list[str]
-    """Sources for which nothing better is known."""
+    """Sources for which no better equipment is known."""
     given: list[str]
-    """Keys of the receiver that the scenario gives, so that no switch changes them."""
+    """Keys of the receiver that the scenario sets, so that no switch changes them."""
     rows: list[BudgetRow]

@@ -1,4 +1,4 @@
-"""What commands print with ``--json``, by command."""
+"""Output of commands with ``--json``, by command."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .tournaments import Comparison, Runs
 
 
 class Scenarios(Document):
-    """The scenarios that come with the project."""
+    """The included scenarios."""
 
     scenarios: list[Entry]
 
@@ -31,9 +31,9 @@ class ReceiverEntry(DocumentPart):
     name: str
     description: str
     purpose: str
-    """What it is for."""
+    """Purpose of the receiver."""
     keys: list[str]
-    """Keys of the table ``[receiver]`` that it has."""
+    """Its keys in the table ``[receiver]``."""
 
 
 class Receivers(Document):
@@ -54,24 +54,24 @@ class Covariance(DocumentPart):
     factor: Number
     """True standard deviation over the claimed one; above 1 is optimistic."""
     runs: int
-    """With a NEES."""
+    """Number of runs with a NEES."""
     mean_nees: Number
     basis: Literal["mean", "median"]
-    """What is compared with 3; the median if few runs make the mean."""
+    """Kind of value that is compared with 3; the median if few runs dominate the mean."""
     centre: Number
-    """That mean or median."""
+    """This mean or median."""
     low: Number
-    """Of its 95 % interval."""
+    """Lower end of its 95 % interval."""
     high: Number
-    """Of its 95 % interval."""
+    """Upper end of its 95 % interval."""
     runs_far_above: int
     """Runs beyond what normal errors explain."""
     runs_needed: int | None
-    """To tell a factor of 1.1."""
+    """Number of runs needed to detect a factor of 1.1."""
     lost_share: float
-    """Of the runs; where many are lost, a covariance that is not optimistic is unknown."""
+    """Share of lost runs; if it is high, a covariance that is not optimistic is unknown."""
     words: str
-    """All this as a sentence."""
+    """The verdict as a sentence."""
 
 
 class Possible(DocumentPart):
@@ -85,11 +85,11 @@ class Possible(DocumentPart):
     bearing_std_deg: float
     acceleration_psd_m2_s3: float
     without: list[str]
-    """Keys of ``[platform]`` whose errors are left out: with them less is possible."""
+    """Keys of ``[platform]`` whose errors are left out. With them, the possible error is larger."""
     left_out_m: dict[str, Number]
-    """Estimated RMS of these errors, by what they are, if they matter; null: not known."""
+    """Estimated RMS of these errors by description, if they matter; null: not known."""
     with_left_out_m: Number
-    """Estimated RMS error that is possible with them."""
+    """Estimated possible RMS error that includes them."""
 
 
 class Run(Document):
@@ -97,19 +97,19 @@ class Run(Document):
 
     scenario_name: str
     seeds: dict[str, int]
-    """By component."""
+    """Seeds by component."""
     remarks: list[str]
     failures: dict[str, str] = Field(default_factory=dict)
-    """Messages of receivers that have failed."""
+    """Messages of receivers that failed."""
     errors: Errors
-    """By receiver, frame and axis (north, east, down); estimate minus truth."""
+    """Errors by receiver, frame and axis (north, east, down); estimate minus truth."""
     percentiles: Percentiles
-    """By receiver, frame and length."""
+    """Percentiles by receiver, frame and length."""
     consistency: dict[str, dict[Claimed, Covariance]]
-    """By receiver and frame."""
+    """Verdicts by receiver and frame."""
     summary: Summary
     limits: dict[str, Possible]
-    """By receiver; empty where target, platform or acoustics are somebody else's."""
+    """Possible errors by receiver; empty if target, platform or acoustics are not ours."""
     folder: str
 
 
@@ -117,7 +117,7 @@ class Smoothed(Run):
     """A run with the smoother beside its receivers."""
 
     steps_m: list[float]
-    """By how much each pass has moved the track at most."""
+    """Largest change of the track in each pass."""
     converged: bool
 
 
@@ -128,9 +128,9 @@ class Component(DocumentPart):
     origin: str
     """File of the FMU, or name of the class."""
     fmi: int | None
-    """Version; null for Python."""
+    """FMI version; null for Python."""
     sha256: str
-    """Empty for a class that is from no file."""
+    """Hash; empty for a class that is not from a file."""
     interval_s: float
     tick_s: Number
 
@@ -193,7 +193,7 @@ class Calibration(Document):
     per_ping_m_s: float
     """Standard deviation of the speed of sound from a single ping."""
     line: SoundSpeed
-    """From the slope of the range test."""
+    """The speed of sound from the slope of the range test."""
     intercept_m: float
     intercept_std_m: float
     slope: float
@@ -203,7 +203,7 @@ class Calibration(Document):
 
 
 class Finding(DocumentPart):
-    """What there is to say about a variable, or about the whole (``FMU``)."""
+    """Remarks on a variable, or on the whole (``FMU``)."""
 
     variable: str
     severity: Literal["ok", "absent", "warning", "error"]
@@ -219,7 +219,7 @@ class Check(Document):
 
 
 class CheckResult(DocumentPart):
-    """What came of one check."""
+    """The outcome of one check."""
 
     name: str
     what: str
@@ -229,7 +229,7 @@ class CheckResult(DocumentPart):
     clause: str
     """Edition and section of the standard, where it says otherwise."""
     command: str
-    """What repeats the check."""
+    """Command that repeats the check."""
 
 
 class Conformance(Document):
@@ -263,20 +263,20 @@ DOCUMENTS: Mapping[str, type[Document]] = {
     "check": Check,
     "conformance": Conformance,
 }
-"""By command."""
+"""Documents by command."""
 COMMANDS: Mapping[str, str] = {it: it for it in DOCUMENTS} | {
     "runs": "run --runs N", "distances": "map --distance M",
 }  # fmt: skip
-"""What prints a document."""
+"""Command that prints a document."""
 
 
 def document(answer: Answer, folder: Path) -> Document:
-    """An answer that is in a folder, as its document."""
+    """The document of an answer that has been written to a folder."""
     return DOCUMENTS[answer.document].of(answer.to_json() | answer.located(folder))
 
 
 def schema(command: str) -> dict[str, Any]:
-    """JSON schema of what a command prints with ``--json``."""
+    """JSON schema of the output of a command with ``--json``."""
     content = DOCUMENTS[command].model_json_schema(mode="serialization", schema_generator=Plainly)
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",

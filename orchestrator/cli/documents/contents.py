@@ -1,4 +1,4 @@
-"""Results as the documents that commands print, and what is said of a study."""
+"""Results as the documents that commands print, and the texts about a study."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def study(definition: Definition, out: Path, **known: Any) -> study_documents.St
 
 
 def carried_out(definition: Definition, out: Path, there: Parts) -> study_documents.Study:
-    """A study that has been carried out in a folder; `there` is what has been found in it."""
+    """A study that was run in a folder; `there` is what was found in the folder."""
     from ...study import parts
 
     runs = parts.table(there, _needed)
@@ -107,7 +107,7 @@ def carried_out(definition: Definition, out: Path, there: Parts) -> study_docume
 
 
 def _needed(names: Sequence[str]) -> list[str]:
-    """The columns of the table of runs that are looked at."""
+    """The columns of the table of runs that are read."""
     from ...judge.consistency import NEES_COLUMNS
 
     own = ("point", "replicate", "error")
@@ -143,12 +143,12 @@ def _receivers(runs: pd.DataFrame) -> dict[str, Any]:
 
 
 def study_lines(study: study_documents.Study, verbose: bool) -> Iterator[str]:
-    """A verdict for each receiver, then how many runs there are.
+    """A verdict for each receiver, then the number of runs.
 
     Parameters
     ----------
     verbose
-        With what is said of each covariance, and the share of inconsistent runs.
+        Add the remarks on each covariance, and the share of inconsistent runs.
     """
     from ...words.numbers import meters
     from ...words.shares import percent
@@ -181,7 +181,7 @@ def _trust(receiver: study_documents.StudyReceiver) -> str:
     from ...judge.definitions import MANY_LOST
 
     if found.untold == found.points and receiver.lost and receiver.lost > MANY_LOST:
-        return "its covariance is not judged, as so many runs are lost"
+        return "its covariance is not judged, because too many runs are lost"
     if found.untold == found.points:
         return "too few runs to tell whether its covariance is right"
     if found.pessimistic > _CHANCE * found.points:

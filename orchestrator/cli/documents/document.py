@@ -1,7 +1,7 @@
-"""What commands print with ``--json``: a class for each, which is also its JSON schema.
+"""Output of commands with ``--json``: a class for each, which is also its JSON schema.
 
-Lengths are in m, times in s, angles in degrees where a name ends so; what is missing or not finite
-is null. A `Document` checks what it is made of, so nothing is printed that its schema does not say.
+Lengths are in m, times in s, angles in degrees where the name says so. Values that are missing or
+not finite are null. A `Document` checks its contents, so it prints nothing that its schema lacks.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ Claimed = Literal["absolute", "own_relative"]
 
 
 class DocumentPart(BaseModel):
-    """A part of a document; its fields are those of the schema, and no others."""
+    """A part of a document; it has exactly the fields of the schema."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
 
 class Document(DocumentPart):
-    """All that a command prints."""
+    """The whole output of a command."""
 
     @classmethod
     def of(cls, content: Mapping[str, Any]) -> Self:
@@ -55,7 +55,8 @@ def part_of(columns: Columns, *before: TableColumn) -> Any:
 
 
 def by_index(columns: Columns) -> Any:
-    """A row for each name of the first column of the index, in it for each of the next, …"""
+    """A row for each value of the index's first column, which holds a row for each of the next,
+    …"""
     rows: Any = part_of(columns)
     for column in reversed(columns.index):
         rows = GenericAlias(dict, (column.type, rows))
@@ -63,7 +64,7 @@ def by_index(columns: Columns) -> Any:
 
 
 class Entry(DocumentPart):
-    """A scenario or a study that comes along."""
+    """An included scenario or study."""
 
     name: str
     title: str

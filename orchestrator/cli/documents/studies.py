@@ -1,4 +1,4 @@
-"""What commands for studies print with ``--json``."""
+"""Output of commands for studies with ``--json``."""
 
 from __future__ import annotations
 
@@ -17,35 +17,35 @@ from .document import Claimed, Document, DocumentPart, Entry, Number, part_of
 
 
 class Studies(Document):
-    """The studies that come with the project."""
+    """The included studies."""
 
     studies: list[Entry]
 
 
 class Questions(Document):
-    """The questions that come with the project."""
+    """The included questions."""
 
     questions: list[Entry]
 
 
 class CovarianceOverPoints(DocumentPart):
-    """Of how many points of a study a covariance is right; each point over its replicates."""
+    """Number of points of a study with a right covariance; each point over its replicates."""
 
     points: int
     in_band: int
     optimistic: int
     pessimistic: int
     untold: int
-    """Points whose runs cannot tell."""
+    """Points with too few runs for a verdict."""
     optimistic_from: Number
     """Smallest factor on the standard deviation, of the optimistic points."""
     optimistic_to: Number
     pessimistic_from: Number
     pessimistic_to: Number
     runs: int
-    """At the point with the fewest."""
+    """Runs at the point with the fewest."""
     runs_needed: int | None
-    """To tell a factor of 1.1, at the point that takes most."""
+    """Runs needed to detect a factor of 1.1, at the point that needs most."""
     words: str
 
 
@@ -57,33 +57,33 @@ class StudyReceiver(DocumentPart):
     inconsistent: Number
     """Share of the runs whose mean NEES lies above its band; null if none has a covariance."""
     lost: Number
-    """Share of the runs."""
+    """Share of lost runs."""
     covariances: dict[Claimed, CovarianceOverPoints]
     """By frame."""
 
 
 class Estimate(DocumentPart):
-    """What a study would take."""
+    """What a study would run, and how long it would take."""
 
     steps: int
-    """Of the whole system, over all runs."""
+    """Steps of the whole system, over all runs."""
     seconds_from: Number
-    """On this machine; null if nothing is missing."""
+    """Time on this machine; null if nothing is missing."""
     seconds_to: Number
 
 
 class Study(Document):
-    """A study after all its runs, or before, with ``--dry-run``."""
+    """A study after all its runs or, with ``--dry-run``, before them."""
 
     folder: str
     points: int
     replicates: int
     runs: int
     finished: int
-    """Runs that are in the folder, failed ones included."""
+    """Runs in the folder, including failed ones."""
     failed: int
     failure: str | None
-    """The first message."""
+    """Message of the first failure."""
     receivers: dict[str, StudyReceiver]
     """Empty with --dry-run."""
     estimate: Estimate | None
@@ -119,11 +119,11 @@ class Analysis(Document):
     """Null for means."""
     confidence: float
     runs: int
-    """That were analysed."""
+    """Number of runs that were analysed."""
     dropped: int
     """Runs without a finite response."""
     left_out: Number
-    """Share of the base rows of a space that a run without a response leaves out, else null."""
+    """Share of a space's base rows that are left out for a run without a response, else null."""
     r2: Number
     effects: list[Effect]
     """Of a two-level design."""
@@ -161,14 +161,14 @@ class Answer(DocumentPart):
     """Index of the cheapest point that meets the requirement."""
     runs_needed: int
     missing: int
-    """Runs that are missing at the point with the fewest."""
+    """Number of missing runs at the point with the fewest."""
     free: list[str]
     """Factors without a cost."""
     points: list[DesignPoint]
 
 
 class Advice(Document, Answer):
-    """The cheapest design that is good enough."""
+    """The cheapest design that suffices."""
 
     folder: str
     beside: Answer | None
@@ -182,11 +182,11 @@ DesignDecided: Any = part_of(
 
 
 class Limiting(DocumentPart):
-    """A source of error of the design that is named."""
+    """A source of error of the named design."""
 
     name: str
     without: Number
-    """What the required share of the runs would be within without it."""
+    """Value that the required share of the runs would be within without it."""
 
 
 class Requirement(Document):
@@ -195,7 +195,7 @@ class Requirement(Document):
     folder: str
     report: str
     scenario: str | None
-    """File of the design that was chosen."""
+    """File of the chosen design's scenario."""
     answer: str
     response: str
     unit: str
@@ -204,15 +204,15 @@ class Requirement(Document):
     confidence: float
     most_runs: int
     runs: int
-    """That were done, of all designs."""
+    """Number of runs of all designs."""
     chosen: int | None
     """Index of the cheapest design that surely suffices."""
     cheaper: int | None
     """Index of the next cheaper one that is worth its cost."""
     nearest: int
-    """Index of the design that is nearest to the requirement."""
+    """Index of the design closest to the requirement."""
     limits: list[Limiting]
-    """The largest first."""
+    """Sources of error, the largest first."""
     enough: list[str]
-    """Sources without which a design that fails would suffice; empty if not even that is enough."""
+    """Sources without which a failing design would suffice; empty if not even all are enough."""
     designs: list[DesignDecided]

@@ -1,4 +1,4 @@
-"""What is printed with ``--json`` of many runs: of a comparison, and by ``run --runs``."""
+"""Output of comparisons and of ``run --runs`` with ``--json``."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ PairedDifference: Any = part_of(DIFFERENCES)
 
 
 class Comparison(Document):
-    """Receivers on the same noise."""
+    """Receivers compared on the same noise."""
 
     answer: str
     scenarios: list[str]
     receivers: list[str]
-    """The one with the least median first."""
+    """Receivers, beginning with the smallest median."""
     runs: int
     seed: int
-    """Of the first run."""
+    """Seed of the first run."""
     settling_s: float
     response: str
     unit: str
@@ -29,16 +29,16 @@ class Comparison(Document):
     same_start: bool
     """Whether no receiver is told where the diver starts."""
     knowing_start: dict[str, list[str]]
-    """Receivers that are told, by scenario."""
+    """Receivers that know the start, by scenario."""
     levels: list[Level]
     differences: list[PairedDifference]
     update_s: dict[str, dict[str, Number]]
-    """Time of an update by scenario and receiver; only roughly the same the next time."""
+    """Time of an update by scenario and receiver; it varies from time to time."""
     folder: str
 
 
 class DrawnRun(DocumentPart):
-    """A run that is in a folder of its own."""
+    """A run with a separate folder."""
 
     seed: int
     rms_m: float
@@ -53,7 +53,7 @@ class Runs(Document):
     """A line for each receiver."""
     runs: int
     seed: int
-    """Of the first run."""
+    """Seed of the first run."""
     receivers: list[str]
     data_sheet: list[str]
     """A sentence for a data sheet for each receiver, or why there is none."""
