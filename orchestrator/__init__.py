@@ -70,7 +70,7 @@ __all__ = [
     "study",
 ]
 
-if not TYPE_CHECKING:  # a checker would take any name for one of ours
+if not TYPE_CHECKING:  # a type checker would accept any name
     _get, __dir__ = lazy.names(
         __name__,
         {

@@ -9,14 +9,14 @@ _CLOSED = "error: output: must be open, got it closed\n"
 
 
 def main() -> None:
-    """Entry point: from here on a signal ends the command with a line and a code."""
+    """Entry point: from here on, a signal ends the command with a line and a code."""
     _open_all()
     try:
         with stopping.stoppable(command=True):
             from .cli import main as command
 
             command()
-    except KeyboardInterrupt as stop:  # while importing, or after all is printed
+    except KeyboardInterrupt as stop:  # during imports, or after everything is printed
         from .cli.common.outcome import stopped, stopped_line
 
         print(stopped_line(stop), file=sys.stderr)
@@ -24,9 +24,9 @@ def main() -> None:
 
 
 def _open_all() -> None:
-    """Open what is closed of the standard streams: the next file would get its number."""
+    """Open the closed standard streams: otherwise the next file would get their number."""
     closed = [number for number in range(3) if not _is_open(number)]
-    for number in closed:  # the lowest that is free is what opens
+    for number in closed:  # a new file gets the lowest free number
         os.open(os.devnull, os.O_RDONLY if number == 0 else os.O_WRONLY)
     if 2 in closed:
         sys.stderr = open(os.devnull, "w")  # noqa: SIM115

@@ -1,7 +1,7 @@
-"""The one form of an answer: of a run, an analysis, a comparison, a budget, a map, a question, …
+"""The common form of an answer: of a run, an analysis, a comparison, a budget, a map, a question, …
 
-A class of answers says what it has: a sentence, tables, figures, remarks. The terminal, JSON,
-notebooks, pages and folders take any answer alike.
+A class of answers provides a sentence, tables, figures and remarks. The terminal, JSON, notebooks,
+pages and folders treat all answers alike.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ if TYPE_CHECKING:
 
 
 class Answer(Shown):
-    """What has been found out.
+    """What was found.
 
     Attributes
     ----------
     document
-        What it is in JSON: a key of `sblcosim.cli.documents.by_command.DOCUMENTS`; empty if no
-        command prints it, as if it is a part of another answer.
+        Its form in JSON: a key of `sblcosim.cli.documents.by_command.DOCUMENTS`. Empty if no
+        command prints it, for example because it is a part of another answer.
     report
         Name of the page in its folder; empty if there is none.
     """
@@ -38,7 +38,7 @@ class Answer(Shown):
     @property
     @abstractmethod
     def columns(self) -> Mapping[str, Columns]:
-        """Of the tables, declared, by the names of their files."""
+        """The declared columns of the tables, by the names of their files."""
 
     @property
     @abstractmethod
@@ -48,7 +48,7 @@ class Answer(Shown):
     @property
     @abstractmethod
     def answer(self) -> str:
-        """What was found, in a sentence or a few."""
+        """The answer, in a sentence or a few."""
 
     @property
     @abstractmethod
@@ -62,12 +62,12 @@ class Answer(Shown):
 
     @property
     def remarks(self) -> Sequence[str]:
-        """What must be known to read the answer, a line each."""
+        """Remarks that are needed to read the answer, one line each."""
         return ()
 
     @property
     def problems(self) -> Sequence[str]:
-        """A line for each receiver that has given nothing at all."""
+        """A line for each receiver that gave nothing at all."""
         return ()
 
     @abstractmethod
@@ -77,24 +77,24 @@ class Answer(Shown):
         Parameters
         ----------
         verbose
-            With all numbers, and how to read them.
+            Add all numbers, and how to read them.
         width
             Columns to fit into; None: sentences are not wrapped.
         """
 
     @abstractmethod
     def to_json(self) -> dict[str, Any]:
-        """Plain data, as its document says it, but for the places of files."""
+        """Plain data in the form of its document, except for the places of files."""
 
     def located(self, folder: Path) -> dict[str, Any]:
-        """Where the files are, as its document says it."""
+        """The places of files, in the form of its document."""
         return {"folder": str(folder)} | (
             {"report": str(folder / self.report)} if self.report else {}
         )
 
     @abstractmethod
     def manifest(self) -> dict[str, Any]:
-        """What was asked, as plain data; equal for equal answers."""
+        """The question, as plain data; equal for equal answers."""
 
     def save(
         self,
@@ -132,7 +132,7 @@ class Answer(Shown):
     def write(
         self, folder: Path, theme: style.ThemeName = "light", figures: bool = True
     ) -> None:
-        """Write tables and figures into a folder that is there."""
+        """Write tables and figures into an existing folder."""
         for name, table in self.tables.items():
             artifacts.write_table(table, folder, name)
         for job in self.figures if figures else ():
@@ -146,16 +146,16 @@ class Answer(Shown):
 
 
 class Extended(Answer):
-    """An answer that says more than another one, and is otherwise that."""
+    """An answer that adds to another one, and otherwise equals it."""
 
     @property
     @abstractmethod
     def main(self) -> Answer:
-        """The other one."""
+        """The other answer."""
 
     @property
     def columns(self) -> Mapping[str, Columns]:
-        """Of the tables, declared, by the names of their files."""
+        """The declared columns of the tables, by the names of their files."""
         return self.main.columns
 
     @property
@@ -165,7 +165,7 @@ class Extended(Answer):
 
     @property
     def answer(self) -> str:
-        """What was found, in a sentence or a few."""
+        """The answer, in a sentence or a few."""
         return self.main.answer
 
     @property
@@ -180,22 +180,22 @@ class Extended(Answer):
 
     @property
     def remarks(self) -> Sequence[str]:
-        """What must be known to read the answer, a line each."""
+        """Remarks that are needed to read the answer, one line each."""
         return self.main.remarks
 
     @property
     def problems(self) -> Sequence[str]:
-        """A line for each receiver that has given nothing at all."""
+        """A line for each receiver that gave nothing at all."""
         return self.main.problems
 
     def text(self, *, verbose: bool = False, width: int | None = None) -> str:
-        """As that of the other one."""
+        """As in the other answer."""
         return self.main.text(verbose=verbose, width=width)
 
     def to_json(self) -> dict[str, Any]:
-        """As that of the other one."""
+        """As in the other answer."""
         return self.main.to_json()
 
     def manifest(self) -> dict[str, Any]:
-        """As that of the other one."""
+        """As in the other answer."""
         return self.main.manifest()

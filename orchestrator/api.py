@@ -44,19 +44,19 @@ def run(
 ) -> Result:
     """Simulate a scenario, or the system in an SSP package.
 
-    If one of several receivers fails, the run is repeated without it. The result has its message in
-    `Result.failures` and the estimates of the others.
+    If one of several receivers fails, the run is repeated without it. `Result.failures` then has
+    its message, and the result has the estimates of the others.
 
     Parameters
     ----------
     scenario
         Name of a shipped scenario, path of a TOML file, nested tables, or a scenario from `load`.
-        Or the path of an SSP package, ``FILE.ssp``, which leaves nothing else to choose: receivers,
-        overrides, FMI version and components must be left out then. Its communication intervals
-        are those that `export_ssp` has written, or the step that it gives for OMSimulator or the
-        Open Simulation Platform, or the default step sizes of its FMUs, or a thousandth of the
-        run; `Result.remarks` says which. Without receivers, or without the true positions to
-        compare them with, the result is a `sblcosim.packages.recording.Recording`: no errors.
+        Or the path of an SSP package, ``FILE.ssp``, which leaves no other choice: receivers,
+        overrides, FMI version and components must then be left out. Its communication intervals
+        are those that `export_ssp` wrote, or the step that it gives for OMSimulator or the Open
+        Simulation Platform, or the default step sizes of its FMUs, or a thousandth of the run.
+        `Result.remarks` says which. Without receivers, or without the true positions to compare
+        them with, the result is a `sblcosim.packages.recording.Recording`, which has no errors.
     receiver
         A name of `sblcosim.receivers`, ``"ekf"``, an FMU file, ``"file.py:Class"``, or a callable
         that makes a Python component (see `sblcosim.simulation.receiver.Receiver` and
@@ -94,7 +94,7 @@ def run(
     how = How(master, step_timeout, progress=progress)
     if is_package(scenario):
         _refuse_choices(receiver=receiver, overrides=overrides, fmi=fmi, components=components)
-        # Runs of scenarios do not wait for what reads packages.
+        # Runs of scenarios need not wait for the import of what reads packages.
         from .packages.read import opened
         from .prepare.package import of_package
 
@@ -107,7 +107,7 @@ def run(
 
 
 def _refuse_choices(**choices: object) -> None:
-    """Refuse arguments that choose what a package has chosen."""
+    """Refuse arguments for choices that a package has made."""
     for name, value in choices.items():
         if value is not None and value != ():
             raise ConfigurationError(
@@ -122,14 +122,14 @@ def _carried_out(
     before: Callable[[Mapping[str, Any]], None] | None,
     said: Callable[[str], str] = str,
 ) -> Result:
-    """Execute what is prepared, and judge its estimates.
+    """Execute a prepared run, and judge its estimates.
 
-    An estimate with which nothing can be done is a failure of its receiver, too.
+    An estimate that cannot be evaluated is a failure of its receiver, too.
 
     Parameters
     ----------
     said
-        What becomes of messages of failures.
+        Receives the messages of failures.
     """
     description, plan = prepared.description, prepared.plan
     if before is not None:

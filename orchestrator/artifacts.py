@@ -26,7 +26,7 @@ from .errors import ConfigurationError, DamageWarning, check_choice, resolved
 from .manifests import FILES, HASHES, MANIFEST
 
 UNFINISHED, NOTE = "-unfinished", "unfinished.txt"
-"""End of the name of a folder with runs of an unfinished command, and the file that says so."""
+"""Suffix of the folder with the runs of an unfinished command, and the file that marks it."""
 PACKAGES = ("sblcosim", "numpy", "casadi", "fmpy", "pandas", "matplotlib")
 
 
@@ -40,11 +40,11 @@ class Draft:
     Attributes
     ----------
     folder
-        Temporary folder; write into this one.
+        Temporary folder; write into it.
     path
-        Intended path of the result; after the end, its actual path.
+        Intended path of the result; at the end, its actual path.
     given
-        The path as the caller has given it.
+        The path as the caller gave it.
     """
 
     folder: Path
@@ -53,13 +53,13 @@ class Draft:
 
     @property
     def saved(self) -> Path:
-        """Where the result is after the end, beside the path that was given."""
+        """Final place of the result, in the folder of the given path."""
         return self.given.with_name(self.path.name)
 
 
 @contextmanager
 def folder(path: str | Path, manifest: Mapping[str, Any]) -> Iterator[Path]:
-    """As `draft`, for a result that replaces any earlier one."""
+    """Like `draft`, for a result that replaces any earlier one."""
     with draft(path, manifest) as result:
         yield result.folder
 
@@ -70,10 +70,10 @@ def draft(
 ) -> Iterator[Draft]:
     """A new folder that gets its final name only when its contents are complete.
 
-    Write into ``Draft.folder``; a folder in it must be one of these, too. At the end the manifest
-    is added, with the software versions and the list of files, and the folder is renamed. On an
-    error or Ctrl-C it is removed; the remains of a killed process are removed by the next one.
-    An existing empty folder is kept, and receives the files when they are complete.
+    Write into ``Draft.folder``; a folder in it must also be made by `draft`. At the end the
+    manifest is added, with the software versions and the list of files, and the folder is renamed.
+    On an error or Ctrl-C it is removed. The remains of a killed process are removed by the next
+    one. An existing empty folder is kept, and receives the files when they are complete.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def draft(
 def _named(
     path: Path, part: Path, manifest: Mapping[str, Any], other: Other, empty: bool
 ) -> Path:
-    """Give a complete folder its name; which that is."""
+    """Give a complete folder its name; returns the name."""
     if not empty:
         path = _name(path, part, manifest, other)
     elif _fill(path, part):  # `part` is in the folder that may be replaced
@@ -142,7 +142,7 @@ def _fill(path: Path, part: Path) -> bool:
         return True
     moved = []
     try:
-        for name in names:  # manifest first: if we are killed, it lists the files to remove
+        for name in names:  # manifest first: after a kill, it lists the files to remove
             (part / name).rename(path / name)
             moved.append(name)
     except BaseException:
@@ -154,7 +154,7 @@ def _fill(path: Path, part: Path) -> bool:
 
 
 def _name(path: Path, part: Path, manifest: Mapping[str, Any], other: Other) -> Path:
-    """Give a complete folder its name, or a numbered name if it is taken by now."""
+    """Give a complete folder its name, or a numbered name if it has been taken meanwhile."""
     while True:
         check(path, manifest, other)
         target = place_for(path, manifest, other)
@@ -213,10 +213,10 @@ def _may_go(path: Path, manifest: Mapping[str, Any]) -> bool:
 
 
 def _empty(path: Path) -> None:
-    """Remove the files that a killed process had moved into an empty folder."""
+    """Remove the files that a killed process moved into an empty folder."""
     try:
         before = manifests.of_folder(path)
-    except manifests.DamagedManifestError:  # it does not say what may go
+    except manifests.DamagedManifestError:  # it does not say which files may be removed
         return
     if before is None or all((path / name).exists() for name in before[FILES]):
         return
@@ -232,7 +232,7 @@ def check(
     Raises
     ------
     ConfigurationError
-        As `draft`.
+        As in `draft`.
     """
     check_choice("other", other, get_args(Other))
     shown, path = path, resolved(path)
@@ -263,7 +263,7 @@ def check(
 
 
 def _is_empty(path: Path) -> bool:
-    """Whether this is a folder that is empty, apart from files being written."""
+    """Whether this is an empty folder, apart from files being written."""
     return os.path.isdir(path) and all(files.is_hidden(file.name) for file in path.iterdir())
 
 
@@ -296,7 +296,7 @@ def _refuse_foreign(path: Path) -> None:
 
 
 def what(names: Sequence[str]) -> str:
-    """What is in a folder, for a message: what some names are together, or one of them."""
+    """Contents of a folder, for a message: a kind that covers all names, or one of the names."""
     if NOTE in names:
         return "runs of a command that was interrupted"
     return repr(MANIFEST if MANIFEST in names else names[0])
@@ -316,7 +316,7 @@ def software() -> dict[str, str]:
 def write_table(table: pd.DataFrame, folder: Path, name: str) -> None:
     """Write a table as Parquet and CSV; numbers in full precision.
 
-    A column of texts and other values, as the levels of several factors, is one of texts in them.
+    A column of texts and other values, such as the levels of several factors, is written as texts.
     """
     mixed = {
         at: column.map(lambda value: str(plain(value)), na_action="ignore")

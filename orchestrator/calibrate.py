@@ -6,9 +6,9 @@ Two tests through the Acoustics component:
 - the range test of the paper's Figure 6: ranges at 0 to 100 m in steps of 5 m against the truth.
 
 The receiver forms a range with the assumed speed, r = c₀ (τ + ε), where τ = d/c is the travel time
-and ε whatever the clocks and delays add. With ε taken to be zero, one known distance gives
+and ε is the error of clocks and delays. With ε taken as zero, one known distance gives
 ĉ = c₀ d / r̄. A line through several distances, r = a + b d, gives ĉ = c₀ / b and ε̂ = a / c₀
-apart from each other.
+separately.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from .simulation.resolve import resolve
 from .simulation.system import ComponentSpec, Connection, PythonComponent, System
 
 SLOT_NS = SECOND
-"""Time between pings [ns]. Nothing moves, so any will do."""
+"""Time between pings [ns]. Nothing moves, so any value will do."""
 RANGE_TEST_M = tuple(float(d) for d in range(0, 101, 5))
 """Distances of the paper's range test [m]."""
 
@@ -55,9 +55,9 @@ class SoundSpeed:
     Attributes
     ----------
     value
-        [m/s].
+        Speed of sound [m/s].
     std
-        Its standard uncertainty [m/s].
+        Standard uncertainty [m/s].
     """
 
     value: float
@@ -74,7 +74,7 @@ class CalibrationResult(Answer):
         The arguments of `calibrate`.
     known_distance
         Speed of sound from the known distance. Its uncertainty follows from the scatter of the
-        ranges and from that of the distance; an error of clock or delay is not in it.
+        ranges and from that of the distance; errors of clock and delay are not included.
     per_ping_m_s
         The same uncertainty for a single ping [m/s], without that of the distance.
     line
@@ -82,7 +82,7 @@ class CalibrationResult(Answer):
     intercept_m, intercept_std_m
         The line's range at distance 0, and its standard uncertainty [m].
     slope, slope_std
-        Of the line, without unit.
+        Slope of the line, and its standard uncertainty, without unit.
     table
         The range test, one row per distance: ``distance_m``, ``pings``, ``mean_m`` and ``std_m``
         of the ranges, and ``error_m``, mean minus distance.
@@ -125,7 +125,7 @@ class CalibrationResult(Answer):
         return plain
 
     def manifest(self) -> dict[str, Any]:
-        """What was done, and what came of it."""
+        """The arguments, and the outcome."""
         return {"calibration": self.to_json()}
 
     @property
@@ -145,7 +145,7 @@ class CalibrationResult(Answer):
 
     @property
     def answer(self) -> str:
-        """The speed of sound by both tests, and the line of the second, a line each."""
+        """The speed of sound from both tests, and the line of the second, one line each."""
         s, known, line = self.settings, self.known_distance, self.line
         offset_us = self.intercept_m / s["assumed_sound_speed"] * 1e6
         return "\n".join(
@@ -164,7 +164,7 @@ class CalibrationResult(Answer):
 
     @property
     def remarks(self) -> list[str]:
-        """What must be known to read the numbers."""
+        """Remarks that are needed to read the numbers."""
         return ["± is one standard uncertainty; that of the known distance leaves out clock and "
                 "delay"]
 
@@ -193,7 +193,7 @@ class CalibrationResult(Answer):
 def _range_test(
     calibration: CalibrationResult,
 ) -> tuple[Floats, Floats, Floats, tuple[float, float]]:
-    """What the figure shows."""
+    """Description of the figure."""
     distance, mean, std = calibration.table[["distance_m", "mean_m", "std_m"]].to_numpy().T
     return distance, mean, std, (calibration.intercept_m, calibration.slope)
 
@@ -226,13 +226,13 @@ def calibrate(
     Parameters
     ----------
     sound_speed, assumed_sound_speed
-        True speed, and that with which ranges are formed [m/s].
+        True speed, and the speed that ranging assumes [m/s].
     range_std
         Standard deviation of a range's white noise [m].
     clock_offset
         Receiver's clock minus the transmitter's [s].
     processing_delay, processing_delay_correction
-        Time before an arrival is stamped, and what the receiver subtracts for it [s].
+        Time before an arrival is stamped, and the receiver's correction for it [s].
     distance, distance_std
         Known distance and its standard uncertainty [m].
     distances
@@ -244,7 +244,7 @@ def calibrate(
     fmi
         FMI version of the Acoustics FMU.
     acoustics
-        Another Acoustics than ours: an FMU, or what makes a Python component.
+        An Acoustics component instead of ours: an FMU, or a callable that makes a Python component.
 
     Raises
     ------
@@ -264,7 +264,7 @@ def calibrate(
 def _ping(
     settings: Mapping[str, Any], acoustics: Path | Callable[[], PythonComponent]
 ) -> Floats:
-    """Ranges of all pings [m]; a row for the known distance, then one for each of the others."""
+    """Ranges of all pings [m]; a row for the known distance, then one for each other distance."""
     parameters = {
         name: settings[name]
         for name in (
@@ -278,7 +278,7 @@ def _ping(
 
 
 def _evaluate(settings: Mapping[str, Any], ranges: Floats) -> CalibrationResult:
-    """The speed of sound by both methods."""
+    """The speed of sound from both methods."""
     known, ranges = ranges[0], ranges[1:]
     assumed, distances, pings = (
         settings[name] for name in ("assumed_sound_speed", "distances", "pings")

@@ -1,4 +1,4 @@
-"""Tables of figures: one row holds everything about a figure of a run or of a report.
+"""Tables of figures: a row holds everything about a figure of a run or of a report.
 
 To add a figure, write a plot function and add a row.
 """
@@ -42,14 +42,14 @@ class Job:
     arguments: tuple[Any, ...]
 
     def axes(self, theme: style.ThemeName = "light") -> Axes:
-        """Draw the figure; return the first of its axes."""
+        """Draw the figure; returns the first of its axes."""
         from matplotlib.axes import Axes
 
         axes = self.plot(*self.arguments, theme=theme)
         return axes if isinstance(axes, Axes) else axes[0]
 
     def svg(self) -> str:
-        """Draw the figure; return the text of an SVG file."""
+        """Draw the figure; returns the text of an SVG file."""
         return style.svg(self.axes(), self.name)
 
     def save(self, folder: Path, theme: style.ThemeName = "light") -> None:

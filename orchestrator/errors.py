@@ -45,7 +45,7 @@ class ConfigurationError(SblcosimError):
 
 
 class CodeChangedError(ConfigurationError):
-    """The user's code is no longer what its runs are known by. No run of it can be told."""
+    """The user's code has changed since it was hashed, so none of its runs can be identified."""
 
 
 def check_choice(where: str, value: object, choices: Collection[str] | Collection[int]) -> None:
@@ -66,7 +66,7 @@ def check_choice(where: str, value: object, choices: Collection[str] | Collectio
 
 
 class ConfigurationWarning(Concise, UserWarning):
-    """Valid input that is perhaps not what the user meant."""
+    """Valid input that the user may not have intended."""
 
 
 class NoEffectWarning(ConfigurationWarning):
@@ -74,7 +74,7 @@ class NoEffectWarning(ConfigurationWarning):
 
 
 def resolved(path: str | Path) -> Path:
-    """A path that the user has given, absolute and without links.
+    """A path given by the user, made absolute and without links.
 
     Raises
     ------

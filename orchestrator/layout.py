@@ -1,4 +1,4 @@
-"""Text that fits a terminal: long lines are wrapped at words, tables are no wider than it is.
+"""Text that fits a terminal: long lines are wrapped at words, tables are no wider than it.
 
 Without a width, as in a pipe or a file, nothing is wrapped.
 """
@@ -11,15 +11,15 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import zip_longest
 
 WIDTH = 80
-"""Columns of what has a layout of its own, where no terminal says otherwise."""
+"""Columns of texts with their own layout, unless a terminal gives a number."""
 _BEFORE_UNIT = re.compile(r"(?<=\d) (?=(?:%|m|s)(?:\W|$))")
 _KEPT = "\N{NO-BREAK SPACE}"
 
 
 def fitted(text: str, width: int | None) -> str:
-    """A text with its long lines wrapped; what follows of such a line is indented.
+    """A text with its long lines wrapped; continuation lines are indented.
 
-    A word that is longer than a line, such as a path, is left whole.
+    A word longer than a line, such as a path, is not broken.
 
     Parameters
     ----------
@@ -56,14 +56,15 @@ def table(
     head: Sequence[str] = (),
     right: Sequence[int] = (),
 ) -> Iterator[str]:
-    """The lines of a table; cells are wrapped where it would be too wide, between words if it can.
+    """The lines of a table. If it would be too wide, its cells are wrapped, between words if
+    possible.
 
     Parameters
     ----------
     rows
-        Cells, as many in each row.
+        Cells; all rows have the same number.
     width
-        Columns; None: as wide as the cells are.
+        Columns; None: as wide as the cells.
     head
         Names of the columns.
     right
@@ -91,7 +92,7 @@ def table(
 
 
 def _shrink(sizes: list[int], words: Sequence[int], room: int) -> None:
-    """Make the widest columns narrower until all fit; break words only if there is no other way."""
+    """Make the widest columns narrower until all fit; break words only if necessary."""
     while sum(sizes) > room:
         free = [i for i, size in enumerate(sizes) if size > words[i]]
         widest = max(free or range(len(sizes)), key=sizes.__getitem__)

@@ -30,7 +30,7 @@ def names(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], Any],
 
 
 class Module:
-    """A module that is imported at its first use, because that takes long."""
+    """A module that is imported at its first use, because its import takes long."""
 
     def __init__(self, name: str) -> None:
         self._name = name
@@ -39,7 +39,7 @@ class Module:
         return getattr(import_module(self._name), attribute)
 
     def later(self, function: str) -> Callable[..., Any]:
-        """A function of the module, which calling it imports; it can be pickled before that."""
+        """A function of the module; calling it imports the module, and it can be pickled before."""
         return _Function(self._name, function)
 
 

@@ -1,4 +1,4 @@
-"""What is included, by name: scenarios, studies and receivers."""
+"""Included scenarios, studies and receivers, by name."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def questions() -> Listing:
 
 
 def receivers() -> Listing:
-    """The receivers that `sblcosim.run` knows by name, each with what it is, and for what."""
+    """The receivers that `sblcosim.run` knows by name, each with its description and purpose."""
     from .scenario.doubts import PURPOSES
 
     return Listing({

@@ -1,7 +1,7 @@
-"""What a folder of ours says of its files, and whether they are as they were written.
+"""What our folders say about their files, and whether the files are unchanged.
 
-A manifest has the SHA-256 of each file beside it (of a result within a result, that of its
-manifest), and one of itself: so a damaged file is found, and it is known which one it is.
+A manifest has the SHA-256 of each file beside it (for a result within a result, of that result's
+manifest), and its own. So a damaged file is found and identified.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from .errors import ConfigurationError, DamageWarning, one_line, shortened
 
 MANIFEST = "manifest.json"
 FILES, HASHES, SEAL = "files", "hashes", "sha256"
-"""Entries of a manifest: names, SHA-256 by name, and that of the manifest without this entry."""
+"""Entries of a manifest: names, SHA-256 by name, and SHA-256 of the manifest without this entry."""
 OTHER = "must be as it was written, got other bytes"
 
 
 class DamagedManifestError(ConfigurationError):
-    """A manifest of ours is not as it was written."""
+    """A manifest of ours has been changed since it was written."""
 
 
 def sealed(content: Mapping[str, Any]) -> bytes:
@@ -36,7 +36,7 @@ def sealed(content: Mapping[str, Any]) -> bytes:
 
 
 def unsealed(text: str, content: Mapping[str, Any]) -> dict[str, Any] | None:
-    """What `sealed` has written, without its SHA-256; None if it is not as it was written.
+    """What `sealed` wrote, without its SHA-256; None if it has been changed.
 
     Parameters
     ----------
@@ -51,17 +51,17 @@ def unsealed(text: str, content: Mapping[str, Any]) -> dict[str, Any] | None:
 
 
 def of_folder(folder: Path) -> dict[str, Any] | None:
-    """The manifest of a folder, without its own SHA-256; None if there is none of ours.
+    """The manifest of a folder, without its own SHA-256; None if the folder has none from us.
 
-    Those from before they had hashes have no entry `HASHES`.
+    Manifests from before hashes were introduced have no entry `HASHES`.
 
     Raises
     ------
     DamagedManifestError
-        It is not as it was written.
+        It has been changed since it was written.
     """
     path = folder / MANIFEST
-    if not path.is_file():  # who reads from a pipe may wait for ever
+    if not path.is_file():  # reading from a pipe may block for ever
         return None
     try:
         text = path.read_text("utf-8")
@@ -72,7 +72,7 @@ def of_folder(folder: Path) -> dict[str, Any] | None:
         raise _damage(path, one_line(error)) from None
     if not isinstance(content, dict):
         return None
-    if SEAL in content or HASHES in content:  # a flipped bit cannot take away both
+    if SEAL in content or HASHES in content:  # a flipped bit cannot remove both
         known = unsealed(text, content)
         if known is None or not isinstance(known.get(HASHES), dict):
             raise _damage(path, "other bytes")
@@ -90,7 +90,7 @@ def _damage(path: Path, got: str) -> DamagedManifestError:
 
 
 def hashes(folder: Path) -> dict[str, str]:
-    """SHA-256 of what is in a folder, by name."""
+    """SHA-256 of the files in a folder, by name."""
     return _sha256s(folder, sorted(f.name for f in folder.iterdir() if f.name != MANIFEST))
 
 
@@ -100,7 +100,7 @@ def _sha256s(folder: Path, names: Sequence[str]) -> dict[str, str]:
 
 
 def _sha256(folder: Path, name: str) -> str:
-    """Of a file, or of the manifest of a result within the result; nothing if there is none."""
+    """SHA-256 of a file, or of the manifest of a result within the result; empty without either."""
     path = folder / name / MANIFEST if (folder / name).is_dir() else folder / name
     if not path.is_file():
         return ""
@@ -112,7 +112,7 @@ def _sha256(folder: Path, name: str) -> str:
 
 
 def changed(folder: Path, manifest: Mapping[str, Any]) -> list[str]:
-    """Files in a folder that are not as they were written, those that are gone left out."""
+    """Changed files in a folder; files that no longer exist are left out."""
     known: Mapping[str, str] = manifest.get(HASHES, {})
     found = []
     there = [name for name in known if os.path.lexists(folder / name)]
@@ -126,13 +126,13 @@ def changed(folder: Path, manifest: Mapping[str, Any]) -> list[str]:
 
 
 def warn(folder: Path, name: str, then: str) -> None:
-    """Tell of a file that is not as it was written."""
+    """Warn about a file that has been changed since it was written."""
     path = folder / name
     warnings.warn(f"{path}: {OTHER}; {then}", DamageWarning, stacklevel=3)
 
 
 def tell(folder: Path, then: str) -> None:
-    """Tell of each file of a folder that is not as it was written, and what is done about it."""
+    """Warn about each changed file of a folder, and say what is done about it."""
     if not os.path.isdir(folder):
         return
     try:

@@ -1,4 +1,4 @@
-"""Yardsticks for estimators, from Python only."""
+"""Yardsticks for estimators, only in Python."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How objects show themselves: a line, public names only, and one picture in a notebook."""
+"""How objects are displayed: a line, public names only, and one picture in a notebook."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _MOST = 6
-"""Arrays and collections of more elements are shown by their size."""
+"""Arrays and collections with more elements are shown by their size."""
 
 
 class Shown:
     """An object whose `repr` is one line, and whose `dir` has public names only."""
 
     def _gist(self) -> str:
-        """What the line says beside the name of the class; of a dataclass, its fields."""
+        """What the line says after the name of the class; for a dataclass, its fields."""
         return ", ".join(_fields(self))
 
     def __repr__(self) -> str:
@@ -80,14 +80,14 @@ class Listing(Shown, Mapping[str, str]):
 
 
 class Picture(Shown):
-    """A figure that was drawn: a notebook shows it, once, without any magic; `savefig` writes it.
+    """A drawn figure: a notebook shows it once, without any magic; `savefig` writes it.
 
     Attributes
     ----------
     figure
         Matplotlib's figure.
     axes
-        The axes that were drawn on, to change something.
+        The axes of the figure, for changes.
     """
 
     def __init__(
@@ -110,7 +110,7 @@ class Picture(Shown):
         self.figure.savefig(*arguments, **options)
 
     def _repr_png_(self) -> tuple[bytes, dict[str, int]] | None:
-        """The picture, sharp on dense screens; of axes that were given, their owner shows it."""
+        """The picture, sharp on dense screens; given axes are shown by their owner."""
         if self._given:
             return None
         stream = io.BytesIO()

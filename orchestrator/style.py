@@ -58,15 +58,15 @@ THEMES: dict[ThemeName, Theme] = {
     ),
 }
 SIZE = 9.5
-"""Of text [point]."""
+"""Size of text [point]."""
 SMALL = 8.5
-"""Of text that must be smaller than the rest [point]."""
+"""Size of text that must be smaller than the rest [point]."""
 LINES = ("-", (0, (5, 1.5)), (0, (1.5, 1)), (0, (6, 1.5, 1.5, 1.5)))
 """Line styles of the receivers, so that no figure depends on colour alone."""
 MARKERS = ("", "o", "s", "^", "D", "v", "P", "X")
 """Markers on the receivers' lines; the next one is used each time the colours repeat."""
 PLAIN = {"parse_math": False, "usetex": False}
-"""Properties of a text that is shown literally."""
+"""Properties of text that is shown literally."""
 
 
 def named(theme: ThemeName) -> Theme:
@@ -140,8 +140,8 @@ def use(theme: ThemeName, axes: Axes | Sequence[Axes] | None = None) -> Iterator
 def new_figure(width: float, height: float, *, laid_out: bool = False) -> Figure:
     """A figure of a given size [inch] that is not registered with pyplot.
 
-    Within `use`, Matplotlib makes room for what is outside of the axes, unless the caller has
-    `laid_out` everything.
+    Within `use`, Matplotlib makes room for everything outside the axes, unless the caller has
+    `laid_out` the figure.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -153,7 +153,7 @@ def new_figure(width: float, height: float, *, laid_out: bool = False) -> Figure
 
 
 def _figure_of(axes: Axes) -> Figure:
-    return cast("Figure", axes.figure)  # no subfigure: ours have none
+    return cast("Figure", axes.figure)  # not a subfigure: we have none
 
 
 def save(axes: Axes, folder: Path, name: str) -> None:
@@ -166,7 +166,7 @@ def save(axes: Axes, folder: Path, name: str) -> None:
     figure.set_size_inches(width, height)
     # Use the canvas directly: Figure.savefig draws everything twice.
     agg: Any = FigureCanvasAgg(figure)
-    # A lower level than usual takes half the time, for a twentieth more in size.
+    # A lower level than usual takes half the time, and makes the file a twentieth larger.
     agg.print_png(folder / f"{name}.png", metadata={"Software": None},
                   pil_kwargs={"compress_level": 3})
     figure.set_layout_engine("none")  # the layout is final now
@@ -187,13 +187,13 @@ def svg(axes: Axes, name: str) -> str:
     return _with_own_ids(stream.getvalue(), name)
 
 
-# Beginning with a literal each, for figures are long.
+# Each pattern begins with a literal, which is faster to search in long texts.
 _ID = re.compile(r' id="([A-Za-z]+[0-9a-f]{10})(?=")')
 _REFERENCE = re.compile(r'#([A-Za-z]+[0-9a-f]{10})(?=[")])')
 
 
 def _with_own_ids(text: str, name: str) -> str:
-    """Replace Matplotlib's ids by ids that depend only on the figure's name and their order.
+    """Replace Matplotlib's ids with ids that depend only on the figure's name and their order.
 
     Matplotlib hashes the bounds of axes, whose last bits differ from process to process.
     """
