@@ -281,13 +281,15 @@ def _json_type(said: Mapping[str, Any]) -> str:
 
 
 def columns(name: str) -> Iterator[str]:
-    """Markdown of the columns of a table; columns with equal descriptions share a row."""
+    """Markdown of the columns of a table; those with the same text share the last's row."""
     module, _, name = name.rpartition(".")
     declared = getattr(import_module(module), name)
     alike: dict[tuple[str, str], list[str]] = {}
     for column in (*declared.index, *declared.columns):
         one_of = ", ".join(f"`{word}`" for word in column.choices)
-        words = _plain(column.description) + (f": {one_of}" if one_of else "")
+        words = _plain(column.description)
+        if one_of:
+            words = f"{words.removesuffix('.')}: {one_of}"
         others = alike.pop((column.unit, words), [])
         alike[column.unit, words] = [*others, f"`{column.name}`"]
     yield from _head("column", "unit", "what it is")
