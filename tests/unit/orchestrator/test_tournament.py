@@ -675,7 +675,7 @@ def test_columns_of_percentages_are_said_to_be_order_statistics(verbose: bool, l
     it = evaluate({"x": runs_of({"a": base, "b": base + 1}, gone)}, SETTINGS)
     said = it.text(verbose=verbose)
     assert said.count("95 % in a run, or of the time: an order statistic, of a run's n errors") == 1
-    assert "upper confidence bound of the 95th percentile over the runs, by order statistics" in said
+    assert "upper confidence bound of the 95th percentile over the runs, by order" in said
     assert said.count(LOST) == (verbose or lost)
 
 
