@@ -1,1 +1,1 @@
-"""Recorded tracks: read from files, and made of as few points as a tolerance needs."""
+"""Recorded tracks: read from files, and reduced to as few points as a tolerance allows."""

@@ -1,4 +1,4 @@
-"""Tracks in GPX: those that follow each other in time are one; the elevation is minus the depth."""
+"""Tracks in GPX: consecutive ones are joined; the elevation is the negative depth."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ if TYPE_CHECKING:
 
 _TIME, _LATITUDE, _LONGITUDE, _ELEVATION = "time", "lat", "lon", "ele"
 _ENCODING = re.compile(r"\A(\s*<\?xml[^>]*?)(\sencoding\s*=\s*(?:\"[^\"]*\"|'[^']*'))")
-"""What a declaration says of the file's bytes; the text has none any more."""
+"""Encoding declaration; the decoded text has none."""
 _ATTRIBUTES = (_TIME, _LATITUDE, _LONGITUDE, _ELEVATION)
 
 
 def read(name: str, text: str) -> Recorded:
     """Read a track from GPX.
 
-    Tracks that begin before the one before has ended are left out (`Recorded.left_out`), as the
-    estimates in the ``path.gpx`` of a run.
+    Tracks that begin before the previous one has ended are left out (`Recorded.left_out`), such as
+    the estimates in the ``path.gpx`` of a run.
 
     Raises
     ------
@@ -76,7 +76,7 @@ def read(name: str, text: str) -> Recorded:
 def _check_zones(
     name: str, tracks: Sequence[GPXTrack], places: Sequence[tuple[int, int]]
 ) -> None:
-    """Refuse times with a time zone beside times without: nobody knows how far they are apart."""
+    """Refuse a mix of times with and without a time zone: the distance between them is unknown."""
     points = [p for track in tracks for segment in track.segments for p in segment.points]
     first: bool | None = None
     for point, (line, column) in zip(points, places, strict=True):
@@ -93,7 +93,7 @@ def _check_zones(
 
 
 def _in_turn(tracks: Sequence[GPXTrack]) -> tuple[list[tuple[int, GPXTrackPoint]], list[str]]:
-    """Points of the tracks that follow each other, with their numbers; names of the others."""
+    """Points of consecutive tracks, with their numbers, and names of the other tracks."""
     kept: list[tuple[int, GPXTrackPoint]] = []
     left_out = []
     number = 0
@@ -173,7 +173,7 @@ def _places(name: str, text: str) -> list[tuple[int, int]]:
 
 
 def _mentioned(text: str, message: str) -> tuple[int, int] | None:
-    """Line and column of the value of which a message of the reader complains."""
+    """Line and column of the value that a message of the reader is about."""
     for word in re.findall(r"[^\s'\"()]+", message)[::-1]:
         found = re.search(rf"[>\"']{re.escape(word)}[<\"']", text)
         if found:

@@ -18,9 +18,9 @@ class Origin:
     Attributes
     ----------
     latitude_deg, longitude_deg
-        Geodetic [°].
+        Geodetic coordinates [°].
     height_m
-        Of the water's surface above the ellipsoid [m].
+        Height of the water's surface above the ellipsoid [m].
     """
 
     latitude_deg: float
@@ -44,6 +44,6 @@ class Origin:
 
 
 def _maps() -> Any:
-    import pymap3d  # only for who has a place
+    import pymap3d  # only needed with a place on Earth
 
     return pymap3d

@@ -23,8 +23,7 @@ def read(path: Path) -> Recorded:
     Raises
     ------
     ConfigurationError
-        The file cannot be read, or there is something wrong in it; the message names line and
-        column.
+        The file cannot be read, or its contents are wrong; the message names line and column.
     """
     name = shortened(str(path), 240)
     if path.suffix.lower() not in KINDS:
@@ -47,7 +46,7 @@ def read(path: Path) -> Recorded:
 
 
 def _track(path: Path, name: str, text: str) -> Recorded:
-    # Only who has a track waits for what reads it.
+    # Only a scenario with a track waits for the import of its reader.
     if path.suffix.lower() == ".gpx":
         from . import gpx
 
@@ -91,7 +90,7 @@ def _text(path: Path, name: str) -> str:
 
 
 def _encoding(content: bytes) -> str:
-    """Encoding of XML: of its first bytes or its declaration (XML 1.0, appendix F)."""
+    """Encoding of XML, from its first bytes or its declaration (XML 1.0, appendix F)."""
     for begin, encoding in _BEGIN.items():
         if content.startswith(begin):
             return encoding

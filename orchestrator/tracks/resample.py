@@ -1,4 +1,4 @@
-"""As few points of a recorded track as a tolerance needs, for the motion that the Target makes."""
+"""Reduce a recorded track to as few points as a tolerance allows, for the Target's motion."""
 
 from __future__ import annotations
 
@@ -12,32 +12,32 @@ from sblcosim.models.target.variables import TRACK_POINTS
 from .place import Floats
 
 MOST = TRACK_POINTS.most
-"""Most points that a Target can be made for."""
-_PARTS = 4  # of each piece of the recorded track, to bound what is between its points
+"""Largest number of points of a Target."""
+_PARTS = 4  # per piece of the recorded track, to bound the distance between its points
 _STEEPEST = 0.2
 """A cubic with limited velocities strays from its chord by less than this times the chord."""
-_ROOM = 1.5  # times the allowed number of points, before the needless ones go
+_ROOM = 1.5  # times the allowed number of points, before needless ones are removed
 _APART = 6
-_SHARE = 1.05  # what is said to fit is this much larger than what does
+_SHARE = 1.05  # the suggested tolerance is this much larger than a sufficient one
 
 
 class TooFewError(Exception):
-    """The points that may be kept are too few; the message is one about a key."""
+    """The allowed points are too few; the message is about a key."""
 
 
 @dataclass(frozen=True, slots=True)
 class KeptPoints:
-    """What is kept of a track.
+    """The points that are kept of a track.
 
     Attributes
     ----------
     times, points
-        Of the points [s, m], north, east, down.
+        Times and positions of the points [s, m]; north, east, down.
     recorded, added
-        How many points the track has, and how many of the kept ones are not its own but on the
+        Number of the track's points, and number of kept points that are not its own but on the
         straight lines between them.
     deviation
-        No more than so far [m] is the motion from the straight lines, at any time.
+        Upper bound of the distance between the motion and the straight lines, at any time [m].
     """
 
     times: Floats
@@ -50,15 +50,14 @@ class KeptPoints:
 def fitted(times: Floats, points: Floats, tolerance: float, most: int = MOST) -> KeptPoints:
     """Choose points of a track, so that the motion through them stays within a tolerance.
 
-    What it is compared with, at all times, is the recorded track with straight lines between its
-    points, each at constant velocity. Points are added where that is farthest away, as Ramer,
-    Douglas and Peucker do, and those that prove needless are taken away; the ends of stops are kept
-    if there is room for them.
+    At all times the motion is compared with the recorded track: straight lines between its points,
+    each at constant velocity. Points are added where the distance is largest, as Ramer, Douglas and
+    Peucker do, and needless ones are removed. The ends of stops are kept if there is room for them.
 
     Parameters
     ----------
     times, points
-        Ascending [s]; rows of north, east, down [m].
+        Ascending times [s]; rows of north, east, down [m].
     tolerance
         Largest distance in space [m].
     most
@@ -67,7 +66,7 @@ def fitted(times: Floats, points: Floats, tolerance: float, most: int = MOST) ->
     Raises
     ------
     TooFewError
-        They are not enough; the message says which tolerance would do.
+        The points are too few; the message says which tolerance they allow.
     """
     kept = _choose(times, points, tolerance, most)
     if kept is not None:
@@ -107,9 +106,9 @@ def _stops(points: Floats) -> np.ndarray:
 def _grown(
     times: Floats, points: Floats, tolerance: float, most: int, chosen: np.ndarray
 ) -> KeptPoints | None:
-    """Add points until the tolerance holds, and take those away that are not needed after all.
+    """Add points until the tolerance holds, and remove those that are not needed after all.
 
-    None: there are too many. The chosen ones stay, and so do the first one and the last one.
+    None if there are too many. The chosen points stay, and so do the first and the last one.
     """
     chosen = chosen.copy()
     chosen[[0, -1]] = True
@@ -147,9 +146,9 @@ def _grown(
 def _thinned(
     times: Floats, points: Floats, knots: Floats, places: Floats, stay: Floats, tolerance: float
 ) -> tuple[Floats, Floats]:
-    """Take away points without which the tolerance holds, too.
+    """Remove points without which the tolerance still holds.
 
-    What a point decides ends with the second one beside it, so every sixth is tried at once.
+    A point affects the motion up to the second one beside it, so every sixth is tried at once.
     """
     for first in (*range(_APART), *range(_APART)):
         tried = np.arange(1 + first, len(knots) - 1, _APART)
@@ -167,7 +166,7 @@ def _thinned(
 
 
 def _corner(knots: Floats, places: Floats, worst: float, tolerance: float) -> float:
-    """When to have a point on a straight line, so that its end comes within the tolerance."""
+    """Times for a point on a straight line, so that its end comes within the tolerance."""
     duration, length = knots[1] - knots[0], float(np.linalg.norm(places[1] - places[0]))
     share = min(0.5, tolerance / (_STEEPEST * length))
     early = worst - knots[0] < knots[1] - worst
@@ -175,12 +174,12 @@ def _corner(knots: Floats, places: Floats, worst: float, tolerance: float) -> fl
 
 
 def _on_lines(times: Floats, points: Floats, at: Floats) -> Floats:
-    """Where the recorded track is at some times, with straight lines between its points."""
+    """Positions on the recorded track at some times, with straight lines between its points."""
     return np.stack([np.interp(at, times, points[:, axis]) for axis in range(3)], axis=1)
 
 
 def motion(knots: Floats, places: Floats, at: Floats) -> tuple[Floats, Floats]:
-    """Position [m] and velocity [m/s] of the Target at some times, through points."""
+    """Position [m] and velocity [m/s] of the Target at some times, for its points."""
     duration, step = np.diff(knots), np.diff(places, axis=0)
     velocities = np.zeros_like(places)
     if len(knots) > 2:
@@ -197,9 +196,9 @@ def motion(knots: Floats, places: Floats, at: Floats) -> tuple[Floats, Floats]:
 def _deviations(
     times: Floats, points: Floats, knots: Floats, places: Floats
 ) -> tuple[np.ndarray, Floats, Floats]:
-    """How far the motion is from the straight lines at most, piece by piece of the time.
+    """Largest distance between the motion and the straight lines, on each piece of the time.
 
-    On a piece their difference is a cubic, which stays within the hull of its Bézier points.
+    On a piece the difference is a cubic, which stays within the hull of its Bézier points.
 
     Returns
     -------

@@ -30,7 +30,7 @@ _BRIEF = {
     "z": "down_m", "lat": "latitude_deg", "lon": "longitude_deg", "lng": "longitude_deg",
     "long": "longitude_deg", "depth": "down_m",
 }
-"""What people call columns, too."""
+"""Other common names of the columns."""
 
 _POINT = "; numbers must have a decimal point, no comma"
 
@@ -44,7 +44,7 @@ def read(name: str, text: str) -> Recorded:
     Parameters
     ----------
     name
-        Of the file, for messages.
+        Name of the file, for messages.
 
     Raises
     ------
@@ -103,7 +103,7 @@ def _rows(name: str, text: str) -> Iterator[_Row]:
 
 
 def _columns(name: str, line: int, cells: Sequence[str]) -> dict[str, int]:
-    """Where the time and the three coordinates are."""
+    """Columns of the time and of the three coordinates."""
 
     def refuse(column: int, must: str, got: str) -> NoReturn:
         raise ConfigurationError(f"{name}, line {line}, column {column + 1}: must be {must}, {got}")
@@ -150,12 +150,12 @@ def _columns(name: str, line: int, cells: Sequence[str]) -> dict[str, int]:
 
 
 def _kind(cells: Sequence[str]) -> Sequence[str]:
-    """The coordinates that are perhaps meant where none has its name."""
+    """The coordinates that may be meant where none has its name."""
     return GEOGRAPHIC if any(_meant(cell, GEOGRAPHIC[:2]) for cell in cells) else LOCAL
 
 
 def _meant(cell: str, names: Sequence[str]) -> str:
-    """What was perhaps meant by a name; empty: none of these."""
+    """The name that may be meant; empty if none is close."""
     stem = re.sub(r"[\[(].*", "", cell).strip().lower()
     brief = _BRIEF.get(stem.partition("_")[0]) or _BRIEF.get(stem)
     if brief is not None and brief in names:
@@ -184,7 +184,7 @@ def _full(name: str, lines: Iterator[_Row], header: Sequence[str]) -> Iterator[_
 
 
 def _commas(cells: Sequence[str], header: Sequence[str]) -> str:
-    """Whether a line may have decimal commas, as the end of a message."""
+    """The end of a message, if a line may have decimal commas."""
     numbers = all(map(_is_number, cells))
     return _POINT if numbers and len(header) < len(cells) <= 2 * len(header) else ""
 

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 from .place import Floats, Origin
 
 Where = Callable[[int, int], str]
-"""``where(point, coordinate)``: file, line and column of a number, for messages; coordinate 0 is
-the time."""
+"""``where(point, coordinate)`` gives file, line and column of a number, for messages; coordinate 0
+is the time."""
 FARTHEST = 1e5
 """Largest coordinate of a point [m]."""
 LEAST, LONGEST = 1e-6, 1e9
-"""Least time between two points, and most between the first and the last one [s]."""
+"""Smallest time between two points, and largest between the first and the last one [s]."""
 MOST_POINTS = 200_000
-"""Most points of a file: more take too long to choose from."""
+"""Largest number of points of a file; choosing from more takes too long."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,15 +25,15 @@ class Recorded:
     Attributes
     ----------
     name
-        Of the file, for messages.
+        Name of the file, for messages.
     times
-        From the first point [s], ascending.
+        Times since the first point [s], ascending.
     points
         Rows of north, east, down [m], or of latitude [°], longitude [°], depth [m].
     geographic
-        Whether it is the latter.
+        Whether the points are geographic, the second of these.
     where
-        Where in the file each number is.
+        Function that gives the place of a number in the file.
     left_out
         Names of other tracks in the file, which are not part of this one.
     """
@@ -46,7 +46,7 @@ class Recorded:
     left_out: tuple[str, ...] = ()
 
     def origin(self) -> Origin | None:
-        """The origin that the track brings: its first point, at the surface."""
+        """The origin of a geographic track: its first point, at the surface."""
         if not self.geographic:
             return None
         latitude, longitude, _ = self.points[0].tolist()
