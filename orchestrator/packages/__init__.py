@@ -1,4 +1,4 @@
-"""SSP packages, ours and those of others: what is in them, as systems to run."""
+"""SSP packages, ours and those of other tools, as systems to run."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """The XML files of an SSP package, read within bounds.
 
-Two faults that are common and leave no doubt are mended, with a remark: a namespace of a draft of
-the standard or with a part left out, and a prefix that is bound to nothing, if it is inside an
-annotation or one of the standard.
+Two common and unambiguous faults are repaired, with a remark: a namespace of a draft of the
+standard or an incomplete one, and an unbound prefix, if it is in an annotation or is one of the
+standard's.
 """
 
 from __future__ import annotations
@@ -30,20 +30,20 @@ NAMESPACES = {
     "oms": "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd",
     "sblcosim": "urn:org.sblcosim",
 }
-"""Of the files that we write, and of the annotations with step sizes."""
+"""Namespaces of the files that we write, and of the annotations with step sizes."""
 SPACES = {**NAMESPACES, "ssm": f"{_SSP}ParameterMapping"}
-"""Of the files that are read."""
+"""Namespaces of the files that are read."""
 SIDES = (
     "Annotations", "ElementGeometry", "SystemGeometry", "GraphicalElements", "MetaData",
     "Signature",
 )  # fmt: skip
-"""What has no effect on a simulation."""
+"""Elements without an effect on a simulation."""
 
 _NEARLY = re.compile(
     r"https?://(www\.)?(ssp-standard\.org/SSP\d|pmsf\.net/xsd)/(SystemStructure)?"
     r"(?P<what>Description|Common|ParameterValues|ParameterMapping|SignalDictionary)(Draft\d*)?/?"
 )
-"""Namespaces of drafts of the standard, and others that can mean but one of its own."""
+"""Namespaces of drafts of the standard, and others that can only mean one of its own."""
 
 
 class Documents:
@@ -52,9 +52,9 @@ class Documents:
     Attributes
     ----------
     remarks
-        What was wrong and has been read all the same, in sentences.
+        Faults that were read anyway, as sentences.
     warnings
-        What has no effect, or is unclear.
+        Contents that have no effect or are unclear.
     """
 
     def __init__(self, archive: Archive) -> None:
@@ -64,7 +64,7 @@ class Documents:
 
     @property
     def names(self) -> frozenset[str]:
-        """Of the files in the package."""
+        """The path of the package."""
         return frozenset(self._archive.names)
 
     def root(self, name: str, space: str, expected: str) -> Element:
@@ -75,12 +75,12 @@ class Documents:
         ConfigurationError
             The file is of another kind or version.
         FmuError
-            It is damaged, larger than the bounds, or no XML.
+            It is damaged, larger than the bounds, or not XML.
         """
         return self.checked(self._parsed(name), name, space, expected)
 
     def checked(self, root: Element, name: str, space: str, expected: str) -> Element:
-        """An element that is what it should be, of a version that is known."""
+        """An element of the expected kind, of a known version."""
         if root.tag != f"{{{SPACES[space]}}}{expected}":
             raise self.refusal(name, f"must be a {expected} of SSP 1.0 or 2.0", root.tag)
         version = root.get("version", "")
@@ -89,7 +89,7 @@ class Documents:
         return root
 
     def file(self, source: str, where: str) -> str:
-        """The name in the package of a file that is referred to."""
+        """The name in the package of a file that an element refers to."""
         name = unquote(source).removeprefix("./")
         if name not in self._archive.names:
             close = nearest(name, self._archive.names)
@@ -99,7 +99,7 @@ class Documents:
         return name
 
     def only(self, element: Element, where: str, *known: str) -> None:
-        """Refuse an element that holds anything but the known, in the standard's namespaces."""
+        """Refuse an element with unknown contents, or outside the standard's namespaces."""
         for child in element:
             name = local(child)
             if name not in known:
@@ -169,7 +169,7 @@ class Documents:
 
 
 def some(names: Sequence[str], most: int = 8) -> str:
-    """Names for a sentence; of many, the first ones and how many there are beside."""
+    """Names for a sentence; of many, the first ones and the number of the others."""
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return shown(", ".join(names[:most]), 400) + more
 
@@ -187,12 +187,12 @@ def annotations_of(element: Element) -> Iterator[Element]:
 
 
 def _with_unbound_prefixes(xml: bytes) -> tuple[Element, list[str]] | None:
-    """XML that is well-formed but for prefixes without a namespace, and these prefixes.
+    """XML that is well-formed except for prefixes without a namespace, and these prefixes.
 
-    None if others than the standard's are outside of annotations, or something else is wrong.
+    None if an unbound prefix outside annotations is not the standard's, or for any other fault.
     """
     scopes: list[tuple[frozenset[str], bool]] = [(frozenset({"xml", "xmlns"}), False)]
-    unbound: dict[str, bool] = {}  # and whether it can be mended
+    unbound: dict[str, bool] = {}  # and whether it can be repaired
     root = b""
     place = 0
 

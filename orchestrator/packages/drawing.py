@@ -1,4 +1,4 @@
-"""What is in a package, for people: elements, connections, units and intervals, in text."""
+"""The contents of a package for people: elements, connections, units and intervals, in text."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ from .structure import Inside, Path
 
 @dataclass
 class Line:
-    """A connection, or those of all elements of an array.
+    """A connection, or those of all elements of an array together.
 
     Attributes
     ----------
     system
-        That the connection is in.
+        System that contains the connection.
     source, target
         Elements, and the names of their connectors without indices.
     units
-        Of both ends; empty: none.
+        Units of both ends; empty: none.
     what
-        What becomes of values, in words; empty: nothing.
+        Conversion of the values, in words; empty: none.
     count
-        How many connections it stands for.
+        Number of connections that it stands for.
     """
 
     system: Path
@@ -124,7 +124,7 @@ def about(component: PlannedComponent) -> str:
 
 
 def intervals(package: Package, plan: Plan) -> Mapping[Path, PlannedComponent]:
-    """The components of the plan, by where they are in the package."""
+    """The components of the plan, by their places in the package."""
     planned = {c.name: c for c in plan.components}
     return {path: planned[label] for path, label in package.labels.items()}
 

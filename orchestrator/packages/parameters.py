@@ -1,4 +1,4 @@
-"""The values that an SSP package gives to parameters: sets, mappings, and what binds them."""
+"""The values that an SSP package gives to parameters: sets, mappings and bindings."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ class Parameter:
     Attributes
     ----------
     name
-        Of the variable, as seen from where the value is bound.
+        Name of the variable, as seen from where the value is bound.
     type, text
-        In the words of the standard; the values of an array are separated by blanks.
+        Type and value as in the standard; the values of an array are separated by blanks.
     unit
-        That of the value; None: that of the variable.
+        Unit of the value; None: that of the variable.
     file
-        Where it is given, in the package; empty: in the structure itself.
+        File in the package that gives it; empty: the structure itself.
     converts
-        Whether units are to be converted.
+        Whether to convert units.
     transformation
-        Of the value in the unit of the variable, by a mapping.
+        Transformation by a mapping, of the value in the unit of the variable.
     """
 
     name: str
@@ -51,12 +51,12 @@ class Parameter:
 
 
 class Parameters:
-    """Reads what the elements of a package are bound to.
+    """Reads the bindings of a package's elements.
 
     Parameters
     ----------
     units
-        That the structure defines; those of a set come first.
+        Units defined by the structure; those of a set have priority.
     """
 
     def __init__(self, documents: Documents, units: Mapping[str, LinearUnit | None]) -> None:
@@ -64,7 +64,7 @@ class Parameters:
         self._units = units
 
     def bound(self, element: Element, where: str) -> tuple[Parameter, ...]:
-        """The values that an element is bound to; the last one of a name counts."""
+        """The values that an element is bound to; the last one for a name counts."""
         found: list[Parameter] = []
         bindings = element.find("ssd:ParameterBindings", SPACES)
         for binding in () if bindings is None else bindings:
@@ -137,7 +137,7 @@ class Parameters:
     # --- Mappings ---
 
     def _mapped(self, given: list[Parameter], element: Element, where: str) -> Iterator[Parameter]:
-        """The values under the names of what they are mapped to, transformed."""
+        """The values under the names of their targets, transformed."""
         inside = f"{where}: ParameterMapping"
         self._check_source(element, inside, _MAPPING)
         source = element.get("source")
@@ -180,7 +180,7 @@ class Parameters:
 
 
 def defined(documents: Documents, root: Element) -> dict[str, LinearUnit | None]:
-    """The units that a file defines; None where it does not say what they are."""
+    """The units that a file defines; None for a unit without a definition."""
     units: dict[str, LinearUnit | None] = {}
     for space in ("ssd", "ssv"):
         for unit in root.iterfind(f"{space}:Units/ssc:Unit", SPACES):
@@ -197,7 +197,7 @@ def defined(documents: Documents, root: Element) -> dict[str, LinearUnit | None]
 
 
 def converts(element: Element) -> bool:
-    """Whether a connection or an entry of a mapping lets units be converted."""
+    """Whether a connection or an entry of a mapping allows the conversion of units."""
     return element.get("suppressUnitConversion", "false") not in ("true", "1")
 
 
@@ -206,7 +206,7 @@ def transformation_of(
 ) -> Conversion | None:
     """The linear transformation of a connection or an entry of a mapping.
 
-    ``others`` are names of further elements that it may hold.
+    ``others`` are names of further allowed elements.
     """
     documents.only(element, where, "LinearTransformation", *others, *SIDES)
     linear = element.find("ssc:LinearTransformation", SPACES)

@@ -1,4 +1,4 @@
-"""The FMUs of an SSP package, and what they say of their variables."""
+"""The FMUs of an SSP package, and the descriptions of their variables."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from .units import LinearUnit, Named, units_of
 
 @dataclass(frozen=True, slots=True)
 class PortElement:
-    """Where a variable of an FMU is: in which port, and which of its elements; None: all."""
+    """Place of an FMU's variable: its port, and its element there; None: all elements."""
 
     port: Port
     element: int | None
 
     @property
     def name(self) -> str:
-        """For a `Connection`."""
+        """The place in the form of a `Connection`."""
         if self.element is None or not self.port.shape:
             return self.port.name
         index = np.unravel_index(self.element, self.port.shape)
@@ -35,7 +35,7 @@ class PortElement:
 
 @dataclass(frozen=True)
 class DescribedFmu:
-    """A component's FMU, and what it says of itself.
+    """A component's FMU, and its model description.
 
     Attributes
     ----------
@@ -58,12 +58,12 @@ class DescribedFmu:
         return None if unit is None and name in ("", "1") else Named(name, unit)
 
     def may_start(self, variable: str) -> bool:
-        """Whether the FMU lets a variable be set at the start, though it is no input."""
+        """Whether the FMU allows a variable to be set at the start, although it is not an input."""
         found = self.variables[variable]
         return found.variability != "constant" and found.initial in ("exact", "approx")
 
     def default(self, what: str) -> int | None:
-        """A time of the FMU's default experiment [ns]; None: it gives none."""
+        """A time of the FMU's default experiment [ns]; None: not given."""
         text = getattr(self.description.defaultExperiment, what, None)
         try:
             time_ns = nanoseconds(float(text)) if text is not None else 0
@@ -78,7 +78,7 @@ def part_of(label: str, path: Path) -> DescribedFmu:
     Raises
     ------
     FmuError
-        As `sblcosim.fmus.read.ports.read`.
+        As in `sblcosim.fmus.read.ports.read`.
     """
     with archives.opened(path) as archive:
         description = describe(archive)

@@ -1,9 +1,9 @@
 """A package as a picture: components and systems as boxes, connections from left to right (SVG).
 
-The elements of a system are in columns, each to the right of all it gets values from (the longest
-path); connections that lead back run below. In a column, elements are in the order of the mean of
-those to which they are connected. Colours are those of the element that gives the values, and
-follow the reader's choice of light or dark.
+The elements of a system are in columns, each to the right of all elements that it gets values
+from (the longest path). Connections that lead back run below. In a column, elements are sorted
+by the mean position of those to which they are connected. The colour of a connection is that of
+the element that gives the values. Colours follow the reader's choice of light or dark.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class _Box:
     height: float = 0.0
 
     def measure(self) -> None:
-        """Set the size, from the texts and from what is inside."""
+        """Set the size from the texts and the contents."""
         if not self.title:
             self.height = _LANE
             return
@@ -61,7 +61,7 @@ class _Box:
             self.height = max(self.height, _HEAD + self.inside.height + _PAD)
 
     def port(self, name: str, *, out: bool, within: bool = False) -> tuple[float, float]:
-        """Where a connector is, in the coordinates of the system around, or of what is within."""
+        """Position of a connector, in the coordinates of the surrounding or the inner system."""
         names = self.outs if out else self.ins
         y = _HEAD + ([*names].index(name) + 0.5) * _ROW if self.title else self.height / 2
         x = self.width if out else 0.0
@@ -82,12 +82,12 @@ class _Inside:
 
 
 def save(file: Path, package: Package, plan: Plan) -> None:
-    """Write the picture; a file that is there is replaced.
+    """Write the picture; an existing file is replaced.
 
     Raises
     ------
     ConfigurationError
-        The file cannot be written, or its name is that of something else.
+        The file cannot be written, or its name is not that of an SVG file.
     """
     if file.suffix.lower() != ".svg":
         raise ConfigurationError(f"{file}: must be an SVG file, FILE.svg, got {file.name}")
@@ -100,8 +100,8 @@ def save(file: Path, package: Package, plan: Plan) -> None:
 def svg(package: Package, plan: Plan) -> str:
     """The picture, as the text of an SVG file.
 
-    Its size in px is that of the system. Texts of more than 36 letters are cut, and shown in full
-    by viewers under the pointer. Below it is said what colours, dashes and dots mean.
+    Its size in px is that of the system. Texts of more than 36 letters are cut, and viewers show
+    them in full under the pointer. The lines below explain colours, dashes and dots.
     """
     lines: dict[Inner, list[Line]] = {}
     for line in lines_of(package):
@@ -137,7 +137,7 @@ def svg(package: Package, plan: Plan) -> str:
 
 
 def _legend(boxes: Mapping[Inner, _Box], lines: Sequence[Line]) -> list[str]:
-    """What is in the picture and does not explain itself."""
+    """Explanations of what the picture contains."""
     changed = any(line.what for line in lines)
     systems = any(path and box.inside is not None for path, box in boxes.items())
     return [
@@ -180,7 +180,7 @@ def _arranged(
         if source is not None and target is not None and first >= last:
             inside.back.append((source, target, line))
             continue
-        key = (line.source, line.target[0])  # those side by side share their way
+        key = (line.source, line.target[0])  # parallel connections share their way
         between = passing.setdefault(key, [_Box() for _ in range(first + 1, last)])
         for column, box in enumerate(between, first + 1):
             if box not in inside.columns[column]:
@@ -225,7 +225,7 @@ def _longest(follow: Mapping[Inner, Sequence[Inner]]) -> dict[Inner, int]:
 
 
 def _order(inside: _Inside) -> None:
-    """Sort the columns by the mean place of what each box is connected to, back and forth."""
+    """Sort the columns by the mean position of each box's neighbours, back and forth."""
     sides: tuple[dict[int, list[_Box]], dict[int, list[_Box]]] = ({}, {})
     for way, _ in inside.forward:
         for one, other in pairwise(way):
@@ -382,7 +382,7 @@ def _wide(texts: Iterable[str]) -> float:
 
 
 def _shown(text: str) -> str:
-    """What is inside of a text element."""
+    """Contents of a text element."""
     if len(text) <= _LONGEST:
         return escape(text)
     return f"{escape(text[: _LONGEST - 1])}…<title>{escape(text)}</title>"

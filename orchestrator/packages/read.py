@@ -1,8 +1,8 @@
 """An SSP package as a system to run.
 
-Its FMUs are unpacked for as long as they are needed, and systems in the system are made flat.
-Scalars that make up an array, as FMI 2 has them, are connected as one if the package connects all
-of them in their order.
+Its FMUs are unpacked for as long as they are needed, and nested systems are made flat. Scalars that
+make up an array, as in FMI 2, are connected as one if the package connects all of them in their
+order.
 """
 
 from __future__ import annotations
@@ -30,29 +30,29 @@ from .values import filled, values_of
 from .wiring import Wiring
 
 STEPS = 1000
-"""Steps of a run for which neither the package nor its FMUs say anything else."""
+"""Number of steps of a run if neither the package nor its FMUs give a step."""
 SEPARATOR = "/"
-"""Between the names of systems and that of a component in one of them."""
+"""Separator between the names of systems and that of a component in them."""
 
 
 @dataclass(frozen=True)
 class Package:
-    """A package that is unpacked.
+    """An unpacked package.
 
     Attributes
     ----------
     name
-        Of the file, without its end.
+        Name of the file, without its suffix.
     sha256
-        Of the file.
+        SHA-256 of the file.
     remarks
-        What the package leaves open and how it was settled, in sentences.
+        What the package leaves open and how it was settled, as sentences.
     path, folder
-        The file, and where it is unpacked.
+        The file, and the folder with its contents.
     structure, wiring
-        What the package says, and its connections with their directions.
+        The description in the package, and its connections with their directions.
     labels
-        Names of the components in the system, by where they are in the structure.
+        Names of the components in the system, by their places in the structure.
     """
 
     name: str
@@ -66,14 +66,14 @@ class Package:
     labels: Mapping[Inner, str]
 
     def said(self, message: str) -> str:
-        """A message about the package: its path in place of the folder, or in front."""
+        """A message about the package that names its path, instead of the folder or in front."""
         said = message.replace(str(self.folder), str(self.path))
         return said if str(self.path) in said else f"{self.path}: {said}"
 
 
 @contextmanager
 def opened(source: str | Path) -> Iterator[Package]:
-    """A package, unpacked while the statement lasts.
+    """A package that is unpacked while the statement lasts.
 
     Raises
     ------
@@ -123,7 +123,7 @@ def opened(source: str | Path) -> Iterator[Package]:
 
 
 def _labels(structure: Structure) -> dict[Inner, str]:
-    """Names for the components in one system: without dots, and each another one."""
+    """Names for the components in one system: unique, and without dots."""
     labels: dict[Inner, str] = {}
     taken: set[str] = set()
     for path, element in structure.system.walk():
@@ -182,8 +182,8 @@ class _Assembly:
     def _intervals(self, stop_ns: int) -> tuple[dict[Inner, int], list[str]]:
         """The communication intervals [ns], and how they were chosen.
 
-        Of a component that is its own, or the step of the innermost system that has one, or the
-        default of its FMU, or the smallest of the others, or a share of the run.
+        The interval of a component is its own, or the step of the innermost system that has one, or
+        the default of its FMU, or the smallest of the others, or a fraction of the run.
         """
         own = {
             path: self._structure.intervals_ns[".".join(path)]
@@ -263,13 +263,13 @@ class _Assembly:
             f"{where}: both ends must have the same unit, got {one} and {other}"
             for where, one, other in quantity.doubts
         )
-        # Connections that begin alike have the same doubts.
+        # Connections with the same beginning have the same doubts.
         self.warnings += [message for message in said if message not in self.warnings]
         return chained(quantity.through)
 
 
 def _is_whole(pairs: Sequence[tuple[PortElement, PortElement, Conversion | None]]) -> bool:
-    """Whether connections of elements are that of two arrays."""
+    """Whether connections of elements equal a connection of two arrays."""
     one, other, through = pairs[0]
     if one.element is None and other.element is None:
         return len(pairs) == 1

@@ -1,4 +1,4 @@
-"""Result of a package without receivers: the record, without anything to judge."""
+"""Result of a package without receivers: the record, with nothing to judge."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from ..results.result import Result
 
 
 class Recording(Result):
-    """A finished run of a system in which there are no receivers whose errors can be known.
+    """A finished run of a system without receivers whose errors can be known.
 
-    As `Result`, but `errors`, `percentiles` and `summary` are empty, there are no figures, and the
-    folder holds the record and the manifest.
+    Like `Result`, but `errors`, `percentiles` and `summary` are empty, there are no figures, and
+    the folder holds the record and the manifest.
     """
 
     @cached_property
@@ -41,7 +41,7 @@ class Recording(Result):
 
     @property
     def answer(self) -> str:
-        """What was run."""
+        """What was run, in one line."""
         return f"{self.scenario_name}: {self.record._gist().removeprefix('of ')}"
 
     @property
@@ -55,7 +55,7 @@ class Recording(Result):
         return []
 
     def text(self, *, verbose: bool = False, width: int | None = None) -> str:
-        """What was run, and the last values that were recorded.
+        """What was run, and the last recorded values.
 
         Parameters
         ----------

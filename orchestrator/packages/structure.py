@@ -1,7 +1,7 @@
-"""What an SSP package says, as plain data: its system, and the systems in it.
+"""The description in an SSP package as plain data: its system, and the systems inside.
 
-What is not understood is refused by its name, for nobody wants numbers of another system than the
-one in the package.
+Anything that is not understood is refused by its name, because its numbers would be those of
+another system than the one in the package.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ DESCRIPTION = "SystemStructure.ssd"
 Path = tuple[str, ...]
 """Names of the elements from the system of the package, ``()``, to one that is inside it."""
 End = tuple[Path, str]
-"""A connector: whose it is, and its name."""
+"""A connector: its element, and its name."""
 
 _FMU = "application/x-fmu-sharedlibrary"
 _STEPS = (
@@ -37,7 +37,7 @@ _STEPS = (
     ("com.github.ntnu-ihb.vico", "FixedStepMaster", "baseStepSize", "Vico"),
     ("com.github.ntnu-ihb.vico", "StepSizeHint", "value", "Vico"),
 )  # fmt: skip
-"""Annotations with steps: their type, element and attribute, and whose they are."""
+"""Annotations with steps: their type, element and attribute, and their tool."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +55,7 @@ class Connector:
     Attributes
     ----------
     kind, unit
-        In the words of the package; empty: not given.
+        As in the package; empty: not given.
     """
 
     kind: str
@@ -71,9 +71,9 @@ class PackageComponent:
     source
         Name of its FMU in the package.
     connectors
-        Those that the package lists.
+        Connectors that the package lists.
     parameters
-        Values that it is bound to; the last one of a name counts.
+        Values that it is bound to; the last one for a name counts.
     """
 
     source: str
@@ -84,16 +84,16 @@ class PackageComponent:
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """A connection between two connectors, in the order in which the package has them.
+    """A connection between two connectors, with the ends in the order of the package.
 
     Attributes
     ----------
     system
-        That the connection is in.
+        System that contains the connection.
     converts
-        Whether units are to be converted.
+        Whether to convert units.
     transformation
-        That the package asks for, after the conversion of units.
+        Transformation that the package requires after the conversion of units.
     """
 
     system: Path
@@ -140,15 +140,15 @@ class Structure:
     Attributes
     ----------
     name
-        Of the system.
+        Name of the system.
     units
-        By name; None where the package does not say what it is.
+        Units by name; None for a unit without a definition.
     start_ns, stop_ns
-        Of the default experiment [ns]; None: not given.
+        Times of the default experiment [ns]; None: not given.
     intervals_ns
         Communication intervals of components [ns], where our own annotation gives them.
     remarks, warnings
-        What was wrong and has been read all the same, and what has no effect, in sentences.
+        Faults that were read anyway, and contents without an effect, as sentences.
     """
 
     name: str
@@ -169,7 +169,7 @@ def structure_of(archive: Archive) -> Structure:
     ConfigurationError
         The package holds something that cannot be simulated here; the message names it.
     FmuError
-        A file is damaged, larger than the bounds, or no XML.
+        A file is damaged, larger than the bounds, or not XML.
     """
     documents = Documents(archive)
     if DESCRIPTION not in documents.names:
@@ -206,7 +206,7 @@ class _Reader:
         self._parameters = parameters
 
     def system(self, element: Element, path: Path, annotated: Iterable[Element]) -> Inside:
-        """A system, with the elements whose annotations are about all of it."""
+        """A system; some annotations of its elements apply to all of it."""
         where = f"System {quoted('.'.join(path))}" if path else "the system"
         self._documents.only(element, where, "Connectors", "ParameterBindings", "Elements",
                              "Connections", *SIDES)  # fmt: skip
@@ -287,7 +287,8 @@ class _Reader:
                 )  # fmt: skip
             found = elements.get(owner) if owner else None
             known = own if found is None else found.connectors
-            # Of a component, its FMU says what there is; and who lists none lets all be connected.
+            # A component's FMU lists its connectors. A system that lists none lets all be
+            # connected.
             if known and connector not in known and not isinstance(found, PackageComponent):
                 raise self._documents.refusal(
                     f"connection of {quoted(connector)}", f"{end}Connector must be a connector of "

@@ -10,7 +10,7 @@ from typing import Any
 from ..simulation.system import Conversion
 
 EXPONENTS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
-"""What a unit is made of, in the words of both standards."""
+"""Attributes of a unit, as named in both standards."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,7 +20,7 @@ class LinearUnit:
     Attributes
     ----------
     exponents
-        Of the base units, as in `EXPONENTS`.
+        Exponents of the base units, as in `EXPONENTS`.
     """
 
     exponents: tuple[int, ...]
@@ -30,7 +30,7 @@ class LinearUnit:
 
 @dataclass(frozen=True, slots=True)
 class Named:
-    """A unit as a file has it: its name, and what it is; None if that is not said."""
+    """A unit as a file has it: its name and its definition; None if that is missing."""
 
     name: str
     unit: LinearUnit | None
@@ -42,7 +42,7 @@ def unit_of(attributes: Mapping[str, Any]) -> LinearUnit:
     Raises
     ------
     ValueError
-        One of them is no number, or the factor is no divisor.
+        An attribute is not a number, or the factor is no valid divisor.
     """
     exponents = tuple(int(attributes.get(name) or 0) for name in EXPONENTS)
     factor, offset = (
@@ -55,7 +55,7 @@ def unit_of(attributes: Mapping[str, Any]) -> LinearUnit:
 
 
 def units_of(definitions: Iterable[Any]) -> dict[str, LinearUnit]:
-    """The units that an FMU's model description defines, by name; without those not understood."""
+    """The units that an FMU's model description defines, by name, except invalid ones."""
     found = {}
     for definition in definitions:
         given = definition.baseUnit
@@ -70,12 +70,12 @@ def units_of(definitions: Iterable[Any]) -> dict[str, LinearUnit]:
 
 
 def conversion(source: LinearUnit, target: LinearUnit) -> Conversion:
-    """How a value in one unit becomes one in another.
+    """Conversion of a value from one unit to another.
 
     Raises
     ------
     ValueError
-        They are units of different quantities.
+        The units are of different quantities.
     """
     if source.exponents != target.exponents:
         raise ValueError("different quantities")
@@ -88,21 +88,21 @@ def conversion(source: LinearUnit, target: LinearUnit) -> Conversion:
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """A number on its way from connector to connector: its unit, and what has become of it.
+    """A number on its way from connector to connector: its unit, and its conversions.
 
-    Units that follow each other are converted at once, from the first to the last, so that a value
-    that comes back to its unit is the same to the bit.
+    Consecutive units are converted at once, from the first to the last, so that a value that
+    returns to its unit is the same to the bit.
 
     Attributes
     ----------
     unit
-        Of the number, where it is now; None: not known.
+        Unit of the number at its present place; None: not known.
     first
-        The unit in which the last of `steps` has left it.
+        Unit in which the last of `steps` left it.
     certain
-        Whether a unit, a transformation, or the wish to have neither, has decided anything.
+        Whether a unit, a transformation, or the wish to have neither has decided anything.
     doubts
-        Where a unit is missing, and the units of both ends there, for messages.
+        Places where a unit is missing, and the units of both ends there, for messages.
     """
 
     unit: Named | None
@@ -113,16 +113,16 @@ class Quantity:
 
     @classmethod
     def of(cls, unit: Named | None) -> Quantity:
-        """A number that is on no way yet."""
+        """A number before its way begins."""
         return cls(unit, unit)
 
     @property
     def through(self) -> tuple[Conversion, ...]:
-        """What becomes of the number, one after another."""
+        """The conversions of the number, in order."""
         return (*self.steps, *_between(self.first, self.unit))
 
     def to(self, target: Named | None, where: str = "") -> Quantity:
-        """The number in the unit of the next connector, to which it comes ``where``.
+        """The number in the unit of the next connector, at the place ``where``.
 
         Raises
         ------

@@ -22,7 +22,7 @@ from .wiring import Wiring
 
 @dataclass(frozen=True, slots=True)
 class Given:
-    """A value for a variable of an FMU, and what becomes of it on its way there."""
+    """A value for a variable of an FMU, and its conversions on the way there."""
 
     parameter: Parameter
     through: tuple[Conversion, ...]
@@ -31,15 +31,15 @@ class Given:
 def values_of(
     structure: Structure, parts: Mapping[Path, DescribedFmu], wiring: Wiring
 ) -> tuple[dict[Path, dict[str, Given]], list[str]]:
-    """The values of variables, by component, and warnings of those without an effect.
+    """The values of variables, by component, and warnings about those without an effect.
 
-    Those bound to an outer system come before those of inner ones, and of one element the last
-    (SSP 2.0, section 5.2.3). What is connected to a connector with a value has that value.
+    Values bound to an outer system have priority over inner ones. Within one element the last value
+    counts (SSP 2.0, section 5.2.3). Anything connected to a connector with a value has that value.
 
     Raises
     ------
     ConfigurationError
-        A value cannot be converted to the unit that it should have.
+        A value cannot be converted to the required unit.
     """
     warnings: list[str] = []
     given: dict[End, tuple[str, Parameter]] = {}
@@ -87,7 +87,7 @@ def _label(path: Path, names: Sequence[str], of_fmu: bool) -> str:
 def _check_same(
     label: str, parameter: Parameter, target: Named | None, structure: Structure
 ) -> None:
-    """Refuse a unit that is not defined, unless it is that of the variable by name."""
+    """Refuse an undefined unit, unless its name is that of the variable's unit."""
     assert parameter.unit is not None
     name = parameter.unit.name
     if target is None or target.name != name:
@@ -98,7 +98,7 @@ def _check_same(
 
 
 def _at(parameter: Parameter, end: tuple[Path, str], wiring: Wiring) -> Quantity:
-    """A value at the connector or variable that it is given to."""
+    """A value at the connector or variable to which it is given."""
     target = wiring.unit(end)
     given = Quantity.of(parameter.unit)
     try:
@@ -117,7 +117,7 @@ def _at(parameter: Parameter, end: tuple[Path, str], wiring: Wiring) -> Quantity
 
 
 def _doubts(where: str, unit: Named | None) -> Iterator[str]:
-    """What is said of a value in a unit for a variable without one."""
+    """The remark on a value with a unit for a variable without one."""
     plain = LinearUnit((0,) * len(EXPONENTS), 1.0, 0.0)
     if unit is not None and unit.unit != plain:
         yield (
@@ -131,7 +131,7 @@ def filled(
 ) -> tuple[dict[str, Value], dict[str, Value], dict[str, Value], dict[str, str]]:
     """Values of parameters, of inputs, of others at the start, and texts, by port.
 
-    Elements that are not given keep their start.
+    Elements without a value keep their start value.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""Systems in systems made flat: what each input of a component comes from, and through which units.
+"""Nested systems made flat: the source of each component's input, and the units on the way.
 
-The standard says which end of a connection is its source: that of the kinds of the connectors, not
-the one that is called the start (SSP 2.0, section 5.3.2.1, Allowed Connections).
+The standard derives the source of a connection from the kinds of its connectors, not from which end
+is called the start (SSP 2.0, section 5.3.2.1, Allowed Connections).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _TAKING = frozenset({"input", "parameter", "structuralParameter"})
 
 @dataclass(frozen=True, slots=True)
 class Edge:
-    """A connection, in the direction in which values go."""
+    """A connection in the direction of its values."""
 
     link: Link
     source: End
@@ -39,7 +39,7 @@ class Wiring:
     Raises
     ------
     ConfigurationError
-        A connection cannot be: the message names it.
+        A connection is impossible: the message names it.
     """
 
     def __init__(self, structure: Structure, parts: Mapping[Path, DescribedFmu]) -> None:
@@ -56,7 +56,7 @@ class Wiring:
         self._out_of: dict[End, list[Edge]] = {}
         for edge in self.edges:
             earlier = self._into.setdefault(edge.target, edge)
-            if earlier is not edge and edge.target[0]:  # what leaves the package goes nowhere
+            if earlier is not edge and edge.target[0]:  # values that leave the package go nowhere
                 raise ConfigurationError(
                     f"{_words(edge.link)}: an input must have one source, got "
                     f"{'.'.join((*earlier.source[0], earlier.source[1]))} as well"
@@ -67,7 +67,8 @@ class Wiring:
         self._refuse_circles()
 
     def connections(self) -> Iterator[tuple[End, End, Quantity]]:
-        """Between components: the source, the target, and what becomes of a number."""
+        """A connection between components: the source, the target, and the conversion of a
+        number."""
         for edge in self.edges:
             if edge.target[0] in self._parts:
                 source, quantity = self._arriving(edge)
@@ -101,9 +102,9 @@ class Wiring:
             yield from (f"{inner}.{name}" for name in self.names((*path, inner)))
 
     def reached(self, end: End, quantity: Quantity) -> Iterator[tuple[End, Quantity]]:
-        """The variables of components to which a number at a connector goes.
+        """The variables of components that a number at a connector goes to.
 
-        None for what a system gives: that comes from inside.
+        None for a connector that gives values of its system: they come from inside.
         """
         if end[0] not in self._parts and self._gives(end, inside=True) is False:
             return
@@ -116,7 +117,7 @@ class Wiring:
                 ahead += [(e.target, self._along(quantity, e)) for e in self._out_of.get(end, ())]
 
     def depth(self, end: End) -> int:
-        """How many connections lead to a connector, one after another."""
+        """Number of connections that lead to a connector, one after another."""
         depth = 0
         while end in self._into:
             depth, end = depth + 1, self._into[end].source
@@ -125,7 +126,8 @@ class Wiring:
         return depth
 
     def unit(self, end: End) -> Named | None:
-        """The unit of a connector: its own, that of the FMU, or that of all it is to inside."""
+        """The unit of a connector: its own, that of the FMU, or that of everything it leads to
+        inside."""
         if end not in self._known:
             self._known[end] = self._unit(end)
         return self._known[end]
@@ -146,12 +148,12 @@ class Wiring:
         return inside.pop() if len(inside) == 1 else None
 
     def through(self, edge: Edge) -> tuple[Conversion, ...]:
-        """What becomes of a number on one edge alone.
+        """Conversion of a number on a single edge.
 
         Raises
         ------
         ConfigurationError
-            It cannot be converted; of what leaves the package this is found here alone.
+            It cannot be converted. For values that leave the package, only this check finds it.
         """
         return self._along(Quantity.of(self.unit(edge.source)), edge).through
 
@@ -171,7 +173,7 @@ class Wiring:
         return there if link.transformation is None else there.transformed(link.transformation)
 
     def _arriving(self, edge: Edge) -> tuple[End, Quantity]:
-        """Where what arrives at the end of an edge comes from, and what has become of it."""
+        """Source of the values that arrive at the end of an edge, and their conversions."""
         way, source = [edge], edge.source
         while source not in self._origins and source in self._into:
             way.append(self._into[source])
@@ -184,7 +186,7 @@ class Wiring:
         return origin, quantity
 
     def _refuse_circles(self) -> None:
-        """Refuse connectors of systems that are connected to each other and to no component."""
+        """Refuse connectors of systems that are connected to each other but to no component."""
         good: set[End] = set()
         for edge in self.edges:
             passed: set[End] = set()
@@ -226,7 +228,7 @@ class Wiring:
             )
 
     def _gives(self, end: End, *, inside: bool) -> bool | None:
-        """Whether values come from a connector; None: that is open.
+        """Whether values come from a connector; None: not yet known.
 
         Seen from inside a system, its inputs give values and its outputs take them.
         """
@@ -236,7 +238,7 @@ class Wiring:
         return inside if kind in _TAKING else None
 
     def _kind(self, end: End) -> str:
-        """The kind of a connector; of a component's, what the FMU says of its variable."""
+        """The kind of a connector; for a component's, the causality of its variable in the FMU."""
         path, name = end
         if path in self._parts:
             return self._parts[path].places[name].port.causality
