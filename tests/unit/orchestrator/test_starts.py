@@ -233,6 +233,6 @@ def test_a_study_says_so_too() -> None:
     study: Any = SimpleNamespace(receivers={"ekf": receiver}, finished=9, failed=0, failure=None)
     first = next(iter(contents.study_lines(study, False)))
     assert first == (
-        "ekf: 3.0 m RMS over all runs, 66 % lost; its covariance is not judged, because too many runs "
-        "are lost"
+        "ekf: 3.0 m RMS over all runs, 66 % lost; its covariance is not judged, because too many "
+        "runs are lost"
     )
