@@ -15,7 +15,6 @@ from sblcosim.models import RECEIVERS
 from ..answer import Extended
 from ..artifacts import Other, plain
 from ..data import samples
-from ..data.estimates import Estimates
 from ..data.samples import Samples
 from ..errors import ConfigurationError, ConfigurationWarning, instance, nearest, shortened
 from ..layout import fitted
@@ -53,15 +52,20 @@ class Smoothed(Extended):
         The run, with ``smoother`` next to its receivers in all tables and figures.
     track
         All states at all epochs, and the convergence of the passes.
-    estimates
-        The part that is judged: position, velocity and covariance, also relative to the platform.
     """
 
     document = "smooth"
 
     result: Result
     track: Track
-    estimates: Estimates
+
+    @property
+    def estimates(self) -> pd.DataFrame:
+        """Estimates of all receivers and the smoother; see `Result.estimates`.
+
+        ``result.made["smoother"]`` holds those of the smoother as arrays, with their covariances.
+        """
+        return self.result.estimates
 
     @property
     def errors(self) -> pd.DataFrame:
@@ -175,7 +179,7 @@ def smooth(
     track = smoother.smooth(p, received, start.trajectory(record, label, p, received), passes)
     estimates = outcome.of_states(p, received, track.mean, track.covariance)
     origin = outcome.origin_of(p, SMOOTHER, looks_back=True, steps_m=track.steps_m)
-    return Smoothed(outcome.beside(result, SMOOTHER, estimates, origin), track, estimates)
+    return Smoothed(outcome.beside(result, SMOOTHER, estimates, origin), track)
 
 
 def prepared(

@@ -16,8 +16,8 @@ from ..results.result import Result
 class Recording(Result):
     """A finished run of a system without receivers whose errors can be known.
 
-    Like `Result`, but `errors`, `percentiles` and `summary` are empty, there are no figures, and
-    the folder holds the record and the manifest.
+    Like `Result`, but `estimates`, `errors`, `percentiles` and `summary` are empty, there are no
+    figures, and the folder holds the record and the manifest.
     """
 
     @cached_property

@@ -45,11 +45,11 @@ MADE = "estimates-"
 """Prefix of the names of files with estimates that were made after the run."""
 
 FIGURES: Mapping[str, Figure[Result]] = by_name(
-    Figure("path_xy", plots.later("plot_path"), lambda run: (run.record, run.estimates)),
-    Figure("path_xyz", plots.later("plot_path_3d"), lambda run: (run.record, run.estimates)),
-    Figure("axes", plots.later("plot_axes"), lambda run: (run.record, run.estimates)),
+    Figure("path_xy", plots.later("plot_path"), lambda run: (run.record, run.tracks)),
+    Figure("path_xyz", plots.later("plot_path_3d"), lambda run: (run.record, run.tracks)),
+    Figure("axes", plots.later("plot_axes"), lambda run: (run.record, run.tracks)),
     Figure("errors", plots.later("plot_errors"),
-           lambda run: (run.record, run.estimates, None, "absolute", run.limits)),
+           lambda run: (run.record, run.tracks, None, "absolute", run.limits)),
     Figure("inclination", plots.later("plot_inclination"), lambda run: (run.record,),
            condition=lambda run: metrics.inclines(run.record)),
     *more.rows("FIGURES"),
@@ -87,6 +87,7 @@ class Result(Answer):
     --------
     >>> result = sblcosim.run("paper-scenario-1")            # doctest: +SKIP
     >>> result.errors.rms_m["ekf", "absolute", "total"]  # doctest: +SKIP
+    >>> result.estimates.groupby("receiver").error_total_m.max()  # doctest: +SKIP
     >>> result.plot_path().figure.savefig("path.png")        # doctest: +SKIP
     """
 
@@ -171,14 +172,27 @@ class Result(Answer):
         return self.record.estimates(receiver) if made is None else made
 
     @cached_property
-    def estimates(self) -> dict[str, pd.DataFrame]:
-        """Estimates of each receiver, with the truth (see `metrics.track`)."""
+    def tracks(self) -> dict[str, pd.DataFrame]:
+        """Estimates of each receiver, with the truth, as a table for each (see `metrics.track`)."""
         return {receiver: metrics.track(judged) for receiver, judged in self.judged.items()}
+
+    @cached_property
+    def estimates(self) -> pd.DataFrame:
+        """Estimates of all receivers, with the truth: a row for each, as in ``estimates.csv``.
+
+        The columns are ``receiver`` and those of `tracks`; NaN where a receiver lacks one.
+        """
+        each = [table.assign(receiver=name) for name, table in self.tracks.items()]
+        if not each:
+            return pd.DataFrame({"receiver": pd.Series(dtype=str)})
+        estimates = pd.concat(each, ignore_index=True)
+        estimates.insert(0, "receiver", estimates.pop("receiver"))
+        return estimates
 
     @cached_property
     def errors(self) -> pd.DataFrame:
         """Mean, RMS and standard deviation of the errors [m] (see `metrics.error_table`)."""
-        return metrics.error_table(self.estimates)
+        return metrics.error_table(self.tracks)
 
     @cached_property
     def percentiles(self) -> pd.DataFrame:
@@ -186,7 +200,7 @@ class Result(Answer):
 
         See `metrics.percentile_table`.
         """
-        return metrics.percentile_table(self.estimates)
+        return metrics.percentile_table(self.tracks)
 
     @cached_property
     def summary(self) -> pd.DataFrame:
@@ -204,7 +218,7 @@ class Result(Answer):
     def _judged(self) -> pd.DataFrame:
         """`summary` of the receivers that reached the end."""
         return metrics.summary(
-            self.judged, self.estimates, self.truth, self.record, self.update_interval_ns
+            self.judged, self.tracks, self.truth, self.record, self.update_interval_ns
         )
 
     @cached_property
@@ -247,7 +261,7 @@ class Result(Answer):
         return [*self.failures.values()] + [
             f"{receiver}: must give at least one estimate, got none; {text.silence(self, receiver)}"
             for receiver in self.receivers
-            if receiver != RAW and self.estimates[receiver].empty
+            if receiver != RAW and self.tracks[receiver].empty
         ]
 
     @property
@@ -257,17 +271,17 @@ class Result(Answer):
 
     def plot_path(self, ax: Axes | None = None, theme: style.ThemeName = "light") -> Picture:
         """Map of the path and the estimates; see `sblcosim.results.figures.run.plot_path`."""
-        return Picture(plots.plot_path(self.record, self.estimates, ax, theme), ax)
+        return Picture(plots.plot_path(self.record, self.tracks, ax, theme), ax)
 
     def plot_path_3d(self, ax: Axes3D | None = None, theme: style.ThemeName = "light") -> Picture:
         """Path and estimates in space; see `sblcosim.results.figures.run.plot_path_3d`."""
-        return Picture(plots.plot_path_3d(self.record, self.estimates, ax, theme), ax)
+        return Picture(plots.plot_path_3d(self.record, self.tracks, ax, theme), ax)
 
     def plot_axes(
         self, axes: Sequence[Axes] | None = None, theme: style.ThemeName = "light"
     ) -> Picture:
         """Coordinates over time, three axes; see `sblcosim.results.figures.run.plot_axes`."""
-        return Picture(plots.plot_axes(self.record, self.estimates, axes, theme), axes)
+        return Picture(plots.plot_axes(self.record, self.tracks, axes, theme), axes)
 
     def plot_errors(
         self,
@@ -276,7 +290,7 @@ class Result(Answer):
         theme: style.ThemeName = "light",
     ) -> Picture:
         """Errors over time with ±2σ, four axes; see `sblcosim.results.figures.run.plot_errors`."""
-        drawn = plots.plot_errors(self.record, self.estimates, axes, frame, self.limits, theme)
+        drawn = plots.plot_errors(self.record, self.tracks, axes, frame, self.limits, theme)
         return Picture(drawn, axes)
 
     def plot_inclination(
@@ -289,7 +303,7 @@ class Result(Answer):
         """Everything in one Dataset, with units; see `sblcosim.results.dataset.dataset`."""
         from .dataset import dataset
 
-        return dataset(self.description, self.record, self.estimates)
+        return dataset(self.description, self.record, self.tracks)
 
     @property
     def answer(self) -> str:
@@ -299,12 +313,9 @@ class Result(Answer):
     @property
     def tables(self) -> dict[str, pd.DataFrame]:
         """All parts of a run: the record, the estimates, and their evaluation."""
-        each = [table.assign(receiver=name) for name, table in self.estimates.items()]
-        estimates = pd.concat(each, ignore_index=True)
-        estimates.insert(0, "receiver", estimates.pop("receiver"))
         made = {f"{MADE}{name}": frame_of(it.columns()) for name, it in self.made.items()}
         return {
-            "record": self.table, "estimates": estimates, **made,
+            "record": self.table, "estimates": self.estimates, **made,
             "errors": self.errors.reset_index(), "percentiles": self.percentiles.reset_index(),
             "summary": self.summary.reset_index(),
         }
@@ -342,7 +353,7 @@ class Result(Answer):
                 self._write_tables(draft.folder, directory)
             if animate:
                 file = draft.folder / f"{animation.NAME}{animation.kind_of()}"
-                animation.write(self.record, self.estimates, file, theme)
+                animation.write(self.record, self.tracks, file, theme)
         return draft.saved
 
     def animate(self, file: str | Path, theme: style.ThemeName = "light") -> Path:
@@ -363,7 +374,7 @@ class Result(Answer):
         animation.kind_of(target)
         with TemporaryDirectory() as folder:
             made = Path(folder, target.name)
-            animation.write(self.record, self.estimates, made, theme)
+            animation.write(self.record, self.tracks, made, theme)
             try:
                 files.write_file(target, made.read_bytes())
             except OSError as error:
@@ -387,7 +398,7 @@ class Result(Answer):
 
         origin = origin_of(self.scenario.place)
         if origin is not None:
-            geography.write(folder, self.title, origin, self.record, self.estimates)
+            geography.write(folder, self.title, origin, self.record, self.tracks)
 
     def _scenario_file(self, directory: str | Path) -> str:
         file: str = self.scenario.dump_toml(Path(directory))

@@ -42,7 +42,7 @@ class ToldResult(Protocol):
     @property
     def remarks(self) -> Sequence[str]: ...
     @property
-    def estimates(self) -> dict[str, pd.DataFrame]: ...
+    def tracks(self) -> dict[str, pd.DataFrame]: ...
     @property
     def errors(self) -> pd.DataFrame: ...
     @property
@@ -216,7 +216,7 @@ def _claim(result: ToldResult, receiver: str) -> str:
     judged: Verdict | None = result.consistency[receiver].get("absolute")
     if judged is None:
         return _without_covariance(result, receiver)
-    track = result.estimates[receiver]
+    track = result.tracks[receiver]
     variances = (track[[f"std_{axis}_m" for axis in AXES]] ** 2).sum(axis=1, skipna=False)
     said = float(np.sqrt(variances[track["nees_position"].notna()].mean()))
     reached: Any = result.errors.loc[(receiver, "absolute", "total"), "rms_m"]

@@ -171,4 +171,4 @@ def test_an_epoch_outside_of_the_run_is_a_failure_of_its_receiver() -> None:
     assert list(result.failures) == ["later"]
     assert "must lie within the run, 0 to 5 s, got 864" in result.failures["later"]
     alone = sblcosim.run("harbour-square", "ekf", short)
-    assert np.array_equal(result.estimates["ekf"], alone.estimates["ekf"])
+    assert np.array_equal(result.tracks["ekf"], alone.tracks["ekf"])

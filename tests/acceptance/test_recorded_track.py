@@ -140,7 +140,7 @@ def test_the_folder_of_a_run_repeats_it_and_has_its_paths_for_maps(
     files = json.loads((saved / "manifest.json").read_text())["files"]
     assert {"path.geojson", "path.gpx"} <= set(files)
     truth = run.record.values["target.position"]
-    estimates = run.estimates["ekf"][["x_m", "y_m", "z_m"]].to_numpy()
+    estimates = run.tracks["ekf"][["x_m", "y_m", "z_m"]].to_numpy()
     origin = PLACE.latitude_deg, PLACE.longitude_deg, PLACE.height_m
 
     text = (saved / "path.geojson").read_text()

@@ -46,7 +46,7 @@ def test_the_run_ends_with_the_semicircle(paper: Result) -> None:
 
 
 def test_the_prior_of_scenario_1_is_the_true_start(paper: Result) -> None:
-    first = paper.estimates["ekf"].iloc[0]
+    first = paper.tracks["ekf"].iloc[0]
     assert first["epoch_s"] == 0.1
     assert first["error_total_m"] < 0.2
 
@@ -130,7 +130,7 @@ def test_a_python_object_can_stand_in_for_a_component() -> None:
     }
     result = sblcosim.run(calm, "sequential", components={"target": Anchored})
     assert (result.table["target.position[1]"] == 8.0).all()
-    assert result.estimates["sequential"]["error_total_m"].iloc[-1] < 1e-3
+    assert result.tracks["sequential"]["error_total_m"].iloc[-1] < 1e-3
 
 
 def test_a_target_that_does_not_tell_when_its_path_ends_needs_a_duration() -> None:

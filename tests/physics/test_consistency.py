@@ -37,7 +37,7 @@ MATCHED = {
 def test_nees_of_the_sequential_filter_is_that_of_a_matched_one() -> None:
     nees = []
     for seed in SEEDS:
-        estimates = sblcosim.run(MATCHED, overrides={"seed": seed}).estimates["sequential"]
+        estimates = sblcosim.run(MATCHED, overrides={"seed": seed}).tracks["sequential"]
         nees.append(estimates["nees_position"].to_numpy())
         epochs = estimates["epoch_s"].to_numpy()
     runs = len(nees)

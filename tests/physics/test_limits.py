@@ -18,7 +18,7 @@ QUIET: dict[str, Any] = {
 
 def final_error(result: sblcosim.Result, receiver: str, last_s: float = 10.0) -> float:
     """Largest distance in m between estimate and truth over the end of the run."""
-    estimates = result.estimates[receiver]
+    estimates = result.tracks[receiver]
     error = np.linalg.norm(estimates[["error_x_m", "error_y_m", "error_z_m"]], axis=1)
     late = estimates["epoch_s"] > estimates["epoch_s"].iloc[-1] - last_s
     assert late.sum() > 50

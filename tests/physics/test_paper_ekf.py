@@ -54,7 +54,7 @@ def test_the_ekf_agrees_with_the_paper_s_equations(changes: dict[str, Any]) -> N
     result = sblcosim.run("paper-scenario-1", "ekf", {"seed": 11, **changes})
     scenario = sblcosim.load("paper-scenario-1", changes)
     receiver = scenario.receiver
-    record, estimates = result.table, result.estimates["ekf"]
+    record, estimates = result.table, result.tracks["ekf"]
 
     def column(name: str, size: int = 1) -> Array:
         if size == 1:

@@ -203,7 +203,7 @@ def test_the_figure_shows_it_as_a_band() -> None:
         which = result.limits.at(np.rint(np.asarray(t) * 1e9).astype(np.int64))
         expected = np.sqrt(np.trace(result.limits.absolute[which], axis1=1, axis2=2))
         np.testing.assert_allclose(total, expected)
-        first = result.estimates["multilateration"]["epoch_s"].min()
+        first = result.tracks["multilateration"]["epoch_s"].min()
         assert np.min(t) >= first
     relative = result.plot_errors(frame="relative").axes[0]
     assert "reference: ±2σ, RMS" not in relative.get_legend_handles_labels()[1]
@@ -286,7 +286,7 @@ def test_a_point_without_accuracy_says_none() -> None:
 def test_a_receiver_that_looks_back_is_not_measured_by_what_is_possible_for_a_filter() -> None:
     short = {"time.duration_s": 60.0, "receiver.lag_s": 5.0}
     result = sblcosim.run("realistic-dive", ["fixed_lag", "coupled"], short)
-    assert len(result.estimates["fixed_lag"]) > 20
+    assert len(result.tracks["fixed_lag"]) > 20
     assert [*result.verdicts] == ["coupled", "raw"]
     assert result.origins["fixed_lag"]["looks_back"]
 

@@ -28,7 +28,7 @@ def paper(
 
 
 def heard(result: sblcosim.Result, label: str, since_s: float) -> pd.DataFrame:
-    table = result.estimates[label]
+    table = result.tracks[label]
     return table[table["epoch_s"] >= since_s]
 
 

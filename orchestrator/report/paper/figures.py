@@ -177,8 +177,8 @@ def _sea_text(material: Material) -> list[Block]:
 
 
 def _session(material: Material) -> tuple[Record, dict[str, pd.DataFrame]]:
-    estimates = material.session.estimates
-    return material.session.record, {"EKF": estimates["ekf"], "raw": estimates["multilateration"]}
+    tracks = material.session.tracks
+    return material.session.record, {"EKF": tracks["ekf"], "raw": tracks["multilateration"]}
 
 
 def _session_settings(material: Material) -> dict[str, float]:
@@ -207,7 +207,7 @@ def _path(n: int, material: Material) -> tuple[Record, dict[str, pd.DataFrame]]:
 
 
 def _track(n: int, material: Material) -> tuple[Record, dict[str, pd.DataFrame]]:
-    return material.points[n].record, {"EKF": material.points[n].estimates["ekf"]}
+    return material.points[n].record, {"EKF": material.points[n].tracks["ekf"]}
 
 
 def _point_settings(n: int) -> dict[str, float]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import inspect
 import json
 import pkgutil
 import re
@@ -277,6 +278,36 @@ def test_the_columns_of_all_tables_are_declared(kind: str, here: Path) -> None:
             if column.name in given and column.type in (int, float, str, bool):
                 values = given[column.name].dropna()
                 assert all(of_type(value, column.type) for value in values), column.name
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_attributes_are_what_they_are_described_to_be(kind: str, here: Path) -> None:
+    found = made(kind, here)
+    own = type(found)
+    about = re.search(r"Attributes\n-+\n(.*?)(\n\n|$)", inspect.getdoc(own) or "", re.DOTALL)
+    heads = re.findall(r"^(\w[\w, ]*)$", about[1] if about else "", re.MULTILINE)
+    for name in ", ".join(heads).split(", ") if heads else ():
+        assert hasattr(found, name), name
+    for name, members in vars(own).items():
+        returned = getattr(getattr(members, "fget", getattr(members, "func", None)),
+                           "__annotations__", {}).get("return")  # fmt: skip
+        if returned is not None and not name.startswith("_"):
+            assert is_a(getattr(found, name), returned), f"{name}: {returned}"
+    for name in {*found.columns} & {*found.tables} & {*dir(found)}:
+        table = getattr(found, name)
+        assert isinstance(table, pd.DataFrame), name
+        written = found.tables[name]
+        named = table.reset_index() if None not in table.index.names else table
+        assert {*named.columns} <= {*written.columns}
+        pd.testing.assert_frame_equal(named, written[[*named.columns]])
+
+
+def is_a(value: Any, annotation: str) -> bool:
+    """Whether a value is of one of the types that an annotation names, as far as that is known."""
+    known = {"pd.DataFrame": pd.DataFrame, "dict": dict, "list": list, "tuple": tuple, "str": str,
+             "float": float, "bool": bool, "int": int, "None": type(None)}  # fmt: skip
+    named = [re.sub(r"\[.*\]", "", one).strip() for one in annotation.split(" | ")]
+    return any(one not in known or isinstance(value, known[one]) for one in named)
 
 
 def of_type(value: Any, kind: type) -> bool:

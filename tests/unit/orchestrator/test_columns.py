@@ -33,9 +33,9 @@ def test_the_tables_of_a_run_have_the_declared_columns_in_their_order(run):
         declared = TABLES[name]
         assert table.index.names == [column.name for column in declared.index]
         assert table.columns.to_list() == [n for n in declared.names if n != "failure"]
-    every = run.estimates["coupled"].columns
+    every = run.tracks["coupled"].columns
     assert every.to_list() == ESTIMATES.names
-    some = run.estimates["raw"].columns
+    some = run.tracks["raw"].columns
     assert some.to_list() == [name for name in ESTIMATES.names if name in some]
 
 

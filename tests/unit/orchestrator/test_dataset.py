@@ -46,9 +46,9 @@ def test_it_holds_every_number_of_the_record(result: Result, data: xr.Dataset) -
 
 
 def test_it_holds_every_number_of_the_estimates(result: Result, data: xr.Dataset) -> None:
-    epochs = sorted({e for table in result.estimates.values() for e in table["epoch_s"]})
+    epochs = sorted({e for table in result.tracks.values() for e in table["epoch_s"]})
     np.testing.assert_array_equal(data["epoch"], epochs)
-    for receiver, table in result.estimates.items():
+    for receiver, table in result.tracks.items():
         own = data.sel(receiver=receiver, epoch=table["epoch_s"].to_numpy())
         columns: dict[str, xr.DataArray] = {}
         for axis in AXES:
@@ -123,14 +123,14 @@ def test_epochs_of_one_receiver_only_and_epochs_that_come_twice() -> None:
     epoch[epoch == epoch[5]] = epoch[4]
     record = replace(record, values={**record.values, "ekf.epoch": epoch})
     made = Result(RunDescription("dive", {}, ("ekf", "raw")), record)
-    table, data = made.estimates["ekf"], made.to_xarray()
+    table, data = made.tracks["ekf"], made.to_xarray()
     twice = table["epoch_s"].duplicated(keep=False)
     assert twice.sum() == 2
     last: pd.Series[float] = table[twice].iloc[-1]
     there = data.sel(receiver="ekf", epoch=last["epoch_s"], frame="absolute")
     assert float(there["error"].sel(axis="x")) == last["error_x_m"]
     raw = data["error_total"].sel(receiver="raw", frame="absolute")
-    assert int(raw.notnull().sum()) == len(made.estimates["raw"]) == 3
+    assert int(raw.notnull().sum()) == len(made.tracks["raw"]) == 3
     assert not data["true_position"].isnull().any()
 
 

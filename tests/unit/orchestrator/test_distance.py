@@ -131,7 +131,7 @@ def raw_errors(rings: Rings, cell: int, replicate: int, error: str) -> np.ndarra
         "target.depth_end_m": float(values["target.depth_end"][0]),
         "target.heading_deg": float(np.rad2deg(values["target.heading"][0])),
     })  # fmt: skip
-    table = result.estimates["coupled"]
+    table = result.tracks["coupled"]
     table = table[table["epoch_s"] >= 6.0]
     frame, _, what = error.rpartition("_")
     prefix = {"absolute": "error", "relative": "relative_error"}[frame]
@@ -308,7 +308,7 @@ def test_the_sentence_of_many_runs_is_that_of_all_their_estimates(name: str) -> 
     lengths = []
     for seed in range(2_000, 2_025):
         result = sblcosim.run(name, many.receivers[0], {"time.duration_s": 30.0, "seed": seed})
-        table = result.estimates[many.receivers[0]]
+        table = result.tracks[many.receivers[0]]
         square = (table[[f"error_{a}_m" for a in "xyz"]] ** 2).sum(axis=1)
         lengths.append((np.sqrt(square) <= bound).mean())
     assert np.mean(lengths) > 0.88  # of 25 runs whose errors are one draw each

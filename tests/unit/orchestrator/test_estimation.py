@@ -74,15 +74,16 @@ def test_the_smoother_is_judged_beside_the_receivers(run: Result) -> None:
     assert [*total.index] == ["sequential", "coupled", "smoother", "raw"]
     assert total.rms_m["smoother"] < 3
     assert total.n["smoother"] == total.n["coupled"] + 1  # it does not wait for an update
-    assert smoothed.summary.loc["smoother", "first_fix_s"] == smoothed.estimates.epoch_ns[0] / 1e9
+    made = smoothed.result.made["smoother"]
+    assert smoothed.summary.loc["smoother", "first_fix_s"] == made.epoch_ns[0] / 1e9
     assert smoothed.track.converged
     assert "smoother: " in str(smoothed)
     # It knows what came later: what is possible for a filter is no measure of it.
     assert [*smoothed.result.verdicts] == ["sequential", "coupled", "raw"]
     # Nothing is added to the record: what was made after the run is beside it.
     assert smoothed.result.record is run.record
-    made = smoothed.result.made["smoother"]
-    assert made is smoothed.estimates
+    own = smoothed.estimates.query("receiver == 'smoother'")
+    assert np.array_equal(own[["x_m", "y_m", "z_m"]], made.position)
     np.testing.assert_allclose(
         made.relative_position[:, :2] + made.platform_position[:, :2], made.position[:, :2],
         rtol=1e-13,
@@ -122,9 +123,10 @@ def test_updates_less_often_than_samples(receivers: str) -> None:
     smoothed = sblcosim.smooth(run)
     total = smoothed.errors.xs("total", level="axis").xs("absolute", level="frame")
     assert total.n["raw"] == 39
-    assert total.n["smoother"] == len(smoothed.estimates) == 199  # at all epochs of samples
+    made = smoothed.result.made["smoother"]
+    assert total.n["smoother"] == len(made) == 199  # at all epochs of samples
     assert np.isnan(smoothed.summary.loc["smoother", "update_share"])
-    first_s = smoothed.estimates.epoch_ns[0] / 1e9
+    first_s = made.epoch_ns[0] / 1e9
     assert smoothed.summary.loc["smoother", "availability"] == pytest.approx(1 - first_s / 20)
     assert total.rms_m["smoother"] < 0.3
 

@@ -272,6 +272,8 @@ def test_a_package_of_somebody_else_runs(fmi: int, stranger: Path, tmp_path: Pat
         "give a step size"
     ]
     assert result.errors.empty
+    assert result.estimates.empty
+    assert "receiver" in result.estimates
     assert "a.y[1,1]" in result.text()
     assert "1001 instants" in repr(result)
     assert "a.y[1,1]" in result._repr_html_()

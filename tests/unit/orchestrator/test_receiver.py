@@ -110,7 +110,7 @@ def test_an_estimate_fills_the_ports() -> None:
     whole = np.zeros((6, 6))
     whole[[0, 2, 4], [0, 2, 4]] = 4.0
     assert np.array_equal(values["Noting.covariance"][-1], whole)
-    assert values["Noting.update_count"][-1] == len(result.estimates["Noting"])
+    assert values["Noting.update_count"][-1] == len(result.tracks["Noting"])
     names = {v.name for v in Noting().variables if v.causality == "input"}
     assert names < {v.name for v in (*RECEPTION, *PING_POSE, *DEPTH)}
     bare = {v.name for v in sblcosim.Receiver().variables if v.causality == "output"}
@@ -134,7 +134,7 @@ class Beside(sblcosim.Receiver):
 
 def test_the_pose_of_a_packet_and_what_is_said_of_the_system() -> None:
     result = sblcosim.run("harbour-square", Beside, SHORT)
-    values, judged = result.record.values, result.estimates["Beside"]
+    values, judged = result.record.values, result.tracks["Beside"]
     said = values["platform.reported_position"]
     row = np.searchsorted(result.record.time_ns, round(judged.epoch_s.iloc[-1] * 1e9))
     assert np.array_equal(values["Beside.platform_position"][-1], said[row])

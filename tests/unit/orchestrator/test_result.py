@@ -58,7 +58,11 @@ def run_of(receivers, record):
 def test_tables_hold_each_receiver(result):
     assert result.table.shape[0] == 101
     assert "target.position[1]" in result.table
-    assert list(result.estimates) == ["ekf", "raw"]
+    assert list(result.tracks) == ["ekf", "raw"]
+    assert [*result.estimates.groupby("receiver", sort=False).groups] == ["ekf", "raw"]
+    for name, table in result.estimates.groupby("receiver"):
+        own = result.tracks[str(name)]
+        pd.testing.assert_frame_equal(table[own.columns].reset_index(drop=True), own)
     assert result.errors.loc[("ekf", "absolute", "total"), "rms_m"] == pytest.approx(5)
     assert result.errors.loc[("ekf", "relative", "total"), "rms_m"] == pytest.approx(4)
     assert result.summary.loc["raw", "update_share"] == 1

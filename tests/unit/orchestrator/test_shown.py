@@ -56,7 +56,7 @@ def things(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         "limits": result.limits,
         "smoothed": smoothed,
         "track": smoothed.track,
-        "estimates": smoothed.estimates,
+        "estimates": smoothed.result.made["smoother"],
         "run": run,
         "judged": run.used,
         "study": study,

@@ -67,7 +67,7 @@ def first_epochs(scenario: Any, receivers: Any, same_start: bool) -> dict[str, f
     """When each receiver has its first estimate [s]."""
     given = sblcosim.load(scenario, {"time.duration_s": 6.0})
     result = sblcosim.run(starts.evened(given) if same_start else given, receivers)
-    return {name: float(result.estimates[name]["epoch_s"].iloc[0]) for name in result.receivers}
+    return {name: float(result.tracks[name]["epoch_s"].iloc[0]) for name in result.receivers}
 
 
 # --- Different knowledge -------------------------------------------------------------------------

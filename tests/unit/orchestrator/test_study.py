@@ -284,7 +284,7 @@ def test_a_row_is_what_the_run_gives_alone(tmp_path: Path) -> None:
     for i in (1, 6):
         row = table.iloc[i]
         scenario = made.base.override({**made.overrides(int(row.point)), "seed": int(row.seed)})
-        track = sblcosim.run(scenario).estimates["ekf"]
+        track = sblcosim.run(scenario).tracks["ekf"]
         error = track[track["epoch_s"] >= 1.0]["error_total_m"]
         assert row["ekf.estimates"] == len(error)
         assert row["ekf.absolute_total_mean_m"] == pytest.approx(error.mean(), rel=1e-12)

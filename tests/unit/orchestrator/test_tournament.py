@@ -355,7 +355,7 @@ def test_all_receivers_have_the_noise_of_a_single_run(real: Tournament) -> None:
     assert table["seed"].tolist() == [5, 6, 7, 8, 9, 10]
     run = sblcosim.run("paper-scenario-1", ["ekf", "sequential"], SHORT | {"seed": 7})
     for receiver in ("ekf", "sequential"):
-        late = run.estimates[receiver].query("epoch_s >= 1")["error_total_m"]
+        late = run.tracks[receiver].query("epoch_s >= 1")["error_total_m"]
         found = table.loc[table["seed"] == 7, f"{receiver}.{RESPONSE}"].iloc[0]
         assert found == pytest.approx(float(np.sqrt((late**2).mean())), rel=1e-12)
     alone = sblcosim.compare("paper-scenario-1", "ekf", runs=6, seed=5, settling_s=1.0,

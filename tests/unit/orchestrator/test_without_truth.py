@@ -57,7 +57,7 @@ def test_of_a_run_they_are_judged_as_in_its_tables(run: Result) -> None:
     )
     judged = {"coupled": metrics.intact("coupled", own, known)}
     tracks = {"coupled": metrics.track(judged["coupled"])}
-    assert tracks["coupled"].equals(run.estimates["coupled"])
+    assert tracks["coupled"].equals(run.tracks["coupled"])
     assert metrics.error_table(tracks).equals(run.errors.loc[["coupled"]])
     row = metrics.summary(judged, tracks, known).loc["coupled"]
     said = run.summary.loc["coupled"]
