@@ -6,8 +6,8 @@ The residuals of the model: a normal probability plot, a histogram, and plots ag
 values and the order of the runs.
 
 The study of Scenario 1: seven factors at two levels, all 128 combinations. Here each has 10 runs,
-so that the page is made in seconds. The paper has 50, and so does `sblcosim paper`. Finished runs are
-not repeated: the pages of Scenario 1 share their runs.
+so that the page is made in seconds. The paper has 50, and so does `sblcosim paper`. Finished runs
+are not repeated: the pages of Scenario 1 share their runs.
 """
 
 import sblcosim

@@ -5,8 +5,8 @@ Figure 22: Pareto chart, Scenario 2
 The Pareto chart of the standardised effects on the total error. The largest are at the top.
 
 The study of Scenario 2: seven factors at two levels, all 128 combinations. Here each has 10 runs,
-so that the page is made in seconds. The paper has 50, and so does `sblcosim paper`. Finished runs are
-not repeated: the pages of Scenario 2 share their runs.
+so that the page is made in seconds. The paper has 50, and so does `sblcosim paper`. Finished runs
+are not repeated: the pages of Scenario 2 share their runs.
 """
 
 import sblcosim

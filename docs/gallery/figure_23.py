@@ -5,8 +5,8 @@ Figure 23: interactions, Scenario 2
 The mean error at each pair of levels. Lines that are not parallel show an interaction.
 
 The study of Scenario 2: seven factors at two levels, all 128 combinations. Here each has 10 runs,
-so that the page is made in seconds. The paper has 50, and so does `sblcosim paper`. Finished runs are
-not repeated: the pages of Scenario 2 share their runs.
+so that the page is made in seconds. The paper has 50, and so does `sblcosim paper`. Finished runs
+are not repeated: the pages of Scenario 2 share their runs.
 """
 
 import sblcosim

@@ -5,8 +5,8 @@ Figure 29: interactions, Scenario 3
 The mean error at each pair of levels. Lines that are not parallel show an interaction.
 
 The study of Scenario 3: seven factors at two levels, all 128 combinations. Here each has 10 runs,
-so that the page is made in seconds. The paper has 50, and so does `sblcosim paper`. Finished runs are
-not repeated: the pages of Scenario 3 share their runs.
+so that the page is made in seconds. The paper has 50, and so does `sblcosim paper`. Finished runs
+are not repeated: the pages of Scenario 3 share their runs.
 """
 
 import sblcosim

@@ -132,7 +132,7 @@ def test_the_table_of_a_run_has_the_percentiles_of_its_responses() -> None:
         run = Run(result.record, receiver)
         for column, value in row.items():
             assert value == value_of(RESPONSES[f"{frame}_{length}_{column}"], run)
-    assert "Within [m]" in str(result)
+    assert "Within [m]" in result.text(verbose=True)
     total = result.tracks["ekf"]["error_total_m"]
     assert any(
         line.strip().startswith("total ") and f" {total.max():.3f}" in line
