@@ -28,6 +28,7 @@ def numbers() -> dict[str, tuple[ModuleType, str]]:
     from sblcosim.models.receiver import bound
     from sblcosim.require import limiting
     from sblcosim.results import geography
+    from sblcosim.results.figures import animation
     from sblcosim.simulation.children import process
     from sblcosim.simulation.masters import lanes
     from sblcosim.study import executors, parts, runner
@@ -44,6 +45,7 @@ def numbers() -> dict[str, tuple[ModuleType, str]]:
         "far_std": (bound, "FAR_STD"),
         "farewell": (process, "FAREWELL"),
         "geography_points": (geography, "MOST_POINTS"),
+        "frames": (animation, "FRAMES"),
         "group": (parts, "GROUP"),
         "kept_steps": (runner, "KEPT_STEPS"),
         "limiting_runs": (limiting, "RUNS"),

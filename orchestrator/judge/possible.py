@@ -19,8 +19,7 @@ if TYPE_CHECKING:
 _NOTES = {
     "bound": (
         "Bound: the posterior Cramér-Rao bound for what had been received by then. No filter can "
-        "be "
-        "better on average over runs, given the stated priors; a single run may be lucky."
+        "be better on average over runs, given the stated priors; a single run may be lucky."
     ),
     "reference": (
         "Reference: the posterior Cramér-Rao recursion for what had been received by then, with "

@@ -255,7 +255,7 @@ WRONG = [
     ({"platform.beacon_m": HULL[:2]}, "override platform.beacon_m: must be an array of 3 to 8 rows "
      "of 3 numbers, got"),
     ({"platform.beacon_m": (*HULL, (9.0, 9.0, 9.0))}, "3 to 8 rows"),
-    ({"platform.beacon_m": (*HULL[:4], HULL[1])}, "must have each beacon at a point of its own, "
+    ({"platform.beacon_m": (*HULL[:4], HULL[1])}, "must have each beacon at a different position, "
      "got beacons 2 and 5 at"),
     ({"platform.beacon_m": HULL[:6], "platform.beacons": 5}, "must be the number of rows of "
      "beacon_m (6), got 5"),

@@ -74,7 +74,7 @@ def write(record: Record, tracks: Tracks, file: Path, theme: ThemeName = "light"
     if not tracks:
         raise ConfigurationError("animate: the run must have a receiver, got none")
     with use(theme) as look:
-        scene = _Scene(record, tracks, look)
+        scene = Scene(record, tracks, look)
         try:
             with writer.saving(scene.figure, str(file), DPI):
                 for time_s in scene.times_s:
@@ -97,7 +97,7 @@ def _writer(kind: str) -> AbstractMovieWriter:
     )  # fmt: skip
 
 
-class _Scene:
+class Scene:
     """The figure, whose curves grow.
 
     Attributes

@@ -7,10 +7,12 @@ from pathlib import Path
 
 import pytest
 import sblcosim
+from matplotlib.animation import FFMpegWriter
 from PIL import Image
 from sblcosim import ConfigurationError, Result
 from sblcosim.cli import app
 from sblcosim.results.figures import animation
+from seams import Seam
 from shapes import SHAPES, run_of
 from typer.testing import CliRunner
 
@@ -33,13 +35,13 @@ def result() -> Result:
 
 @pytest.fixture
 def without_ffmpeg(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(animation.FFMpegWriter, "isAvailable", staticmethod(lambda: False))
+    monkeypatch.setattr(FFMpegWriter, "isAvailable", staticmethod(lambda: False))
 
 
 @pytest.fixture
-def few(monkeypatch: pytest.MonkeyPatch) -> None:
+def few(seam: Seam) -> None:
     """Four frames: a hundred of them take ten seconds of processor time to draw."""
-    monkeypatch.setattr(animation, "FRAMES", 4)
+    seam.tuned(frames=4)
 
 
 @pytest.mark.slow
@@ -73,7 +75,7 @@ def test_the_curves_grow_and_end_with_the_whole_run() -> None:
     record, tracks = run_of(SHAPES["straight_east_95_m"])
     assert animation.FRAMES / animation.PER_SECOND == 10
     with animation.use("light") as look:
-        scene = animation._Scene(record, tracks, look)
+        scene = animation.Scene(record, tracks, look)
         ground = scene.figure.axes[0]
         lines = {line.get_label(): line for line in ground.get_lines()}
         sizes = []

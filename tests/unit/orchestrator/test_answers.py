@@ -323,7 +323,7 @@ def of_type(value: Any, kind: type) -> bool:
 def test_all_declared_tables_are_in_the_reference() -> None:
     every_class()
     pages = "".join(path.read_text("utf-8") for path in (ROOT / "docs/reference").glob("*.md"))
-    named = set(re.findall(r"\{columns\} (\S+)", pages))
+    named = set(re.findall(r"<!-- made: columns (\S+) -->", pages))
     parts = {}
     for info in pkgutil.walk_packages(sblcosim.__path__, "sblcosim."):
         if info.name.endswith((".tables", ".columns", ".range_test")):

@@ -131,7 +131,7 @@ def test_the_run_order_is_a_permutation_within_each_replicate() -> None:
         (lambda: Factor("gps", (1.0,)), "must have at least two levels, got 1"),
         (lambda: Factor("gps", (1.0, float("inf"))), "must have finite levels, got inf"),
         (lambda: full([]), "must have at least one factor"),
-        (lambda: full([Factor("a", (1, 2)), Factor("a", (1, 3))]), "must be there once, got 2"),
+        (lambda: full([Factor("a", (1, 2)), Factor("a", (1, 3))]), "must appear once, got 2"),
         (lambda: full([Factor("a", (1, 2, 3))]), "must have two levels in a two-level design"),
         (lambda: full(factors(17)), r"at most 65536 points, got 2\^17; use a fraction"),
         (lambda: fractional(factors(5)), "must have generators or a resolution .* got neither"),

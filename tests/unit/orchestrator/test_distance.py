@@ -28,6 +28,7 @@ from sblcosim.scenario.likes import LIKES
 from sblcosim.scenario.scenario import shipped
 from sblcosim.study.kept import Kept
 from sblcosim.words.numbers import meters_at_most
+from seams import Seam
 from typer.testing import CliRunner
 
 SHORT: dict[str, Any] = {"duration_s": 12.0, "settling_s": 6.0}
@@ -191,12 +192,12 @@ def test_without_reach_no_cell_has_a_neighbour() -> None:
         assert effective(shape) <= every.sum()
 
 
-def test_finished_runs_are_not_done_again(tmp_path: Path, monkeypatch: Any) -> None:
+def test_finished_runs_are_not_done_again(tmp_path: Path, seam: Seam) -> None:
     options: dict[str, Any] = {"cells": 3, "runs": 4, **SHORT}
     whole = sblcosim.map_distance("realistic-dive", 30, 5.0, **options)
     keep = Kept(tmp_path / "it")
     sblcosim.map_distance("realistic-dive", 30, 5.0, keep=keep, **options)
-    monkeypatch.setattr(runs, "reduced", lambda *_: pytest.fail("a run was done again"))
+    seam.instead(runs.reduced, lambda *_: pytest.fail("a run was done again"))
     again = sblcosim.map_distance("realistic-dive", 30, 5.0, keep=keep, **options)
     assert again.distances.equals(whole.distances)
     with pytest.raises(pytest.fail.Exception):

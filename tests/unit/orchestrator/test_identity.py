@@ -160,7 +160,7 @@ def test_neither_process_nor_folder_makes_other_code(
 def test_what_cannot_be_told_apart_is_refused_with_its_place(tmp_path: Path) -> None:
     got = identities(tmp_path, [("of_object", source) for source, _ in REFUSED.values()], 3)
     for name, message, (_, said) in zip(REFUSED, got, REFUSED.values(), strict=True):
-        assert message.startswith("receivers: target must refer only to what a run can"), name
+        assert message.startswith("receivers: target must refer only to what can identify"), name
         assert said in message, name
         assert "\n" not in message
 

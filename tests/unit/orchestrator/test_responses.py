@@ -136,7 +136,7 @@ def test_the_table_of_a_run_has_the_percentiles_of_its_responses() -> None:
     total = result.tracks["ekf"]["error_total_m"]
     assert any(
         line.strip().startswith("total ") and f" {total.max():.3f}" in line
-        for line in str(result).splitlines()
+        for line in result.text(verbose=True).splitlines()
     )
 
 
