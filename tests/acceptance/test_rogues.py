@@ -422,7 +422,7 @@ def test_a_python_receiver_that_cannot_go_to_another_process_is_named(rogue: Rog
             pass
 
     receivers = {"mine": receiver(keep), "theirs": rogue("none", "none")}
-    with pytest.raises(ConfigurationError, match=r"^mine: must be something that another process can"):
+    with pytest.raises(ConfigurationError, match="mine: must be something that another process"):
         sblcosim.run(SCENARIO, receivers, SHORT, master="python")
     assert not sblcosim.run(SCENARIO, receivers, SHORT).failures  # native leaves it here
 

@@ -190,7 +190,7 @@ def test_a_disk_that_is_full_ends_it_in_one_line_and_what_is_done_stays(
         cwd=tmp_path, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert (ended.returncode, ended.stdout) == (2, "")
-    assert "must be writable, got No space left on device; runs that are finished" in ended.stderr
+    assert "must be writable, got No space left on device; finished runs" in ended.stderr
     assert ended.stderr.count("\n") == 1
     kept = tmp_path / "kept" / "gps"
     done = [p.name for p in (kept / "parts").iterdir()]

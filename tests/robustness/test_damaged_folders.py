@@ -178,7 +178,7 @@ def test_every_flipped_bit_is_noticed_where_a_run_is_read(own: Path, kind: str) 
 def folder_edited(folder: Path) -> tuple[str, ...]:
     """How what is said of a scenario begins that is not as it was written."""
     path = folder / "scenario.toml"
-    return f"{path}: was edited or damaged after the run; ", f"{path}: must be as it was written, "
+    return f"{path}: was edited or damaged after the run; ", f"{path}: must be unchanged, or e"
 
 
 def test_every_flipped_bit_is_noticed_where_a_study_is_read(own: Path) -> None:

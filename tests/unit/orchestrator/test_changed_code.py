@@ -112,7 +112,7 @@ def test_a_process_that_starts_later_runs_the_code_that_was_loaded_or_none(
     (folder / f"{helper}.py").write_text("X = 50.0\n")
     waiting.close()
     if kind != "receiver":  # a path, which is loaded when the study is run
-        with pytest.raises(CodeChangedError, match=rf"got another {helper}.py, which it imports"):
+        with pytest.raises(CodeChangedError, match=rf"but {helper}.py, which it imports, has"):
             study.run(folder / "other")
         assert not [*folder.glob("other/parts/*")]
         study = study_with(kind, f"{name}.py:{part}")
@@ -132,7 +132,7 @@ def test_a_study_ends_when_what_its_receiver_imports_changes_under_way(folder: P
         if share > 0.2:
             (folder / f"{helper}.py").write_text("X = 50.0\n")
 
-    with pytest.raises(CodeChangedError, match=rf"got another {helper}.py, which it imports"):
+    with pytest.raises(CodeChangedError, match=rf"but {helper}.py, which it imports, has changed"):
         study.run(folder / "out", workers=1, progress=change)
     (folder / f"{helper}.py").write_text("X = 1.0\n")
     table = study.run(folder / "out")
