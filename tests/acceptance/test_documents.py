@@ -47,7 +47,6 @@ NOT_RUN = {
     "takes minutes; its parts are tested one by one": 1,
     "takes minutes, and a time is no test": 2,
     "needs the FMUs of others": 1,
-    "needs seaborn, which sblcosim does not": 1,
 }
 """How many blocks are not run, by the reason that they give."""
 PIECES = {"docs/howto/study.md": ("boats", "space", "worst"), "docs/tutorial.md": ("my-study",)}

@@ -332,7 +332,8 @@ async function look(page, width) {
   await loaded;
   const d = frame.contentDocument, root = d.documentElement;
   const article = d.querySelector("article").getBoundingClientRect();
-  const scrolls = e => getComputedStyle(e.closest(".table-wrapper") ?? e).overflowX == "auto";
+  const around = e => e.closest(".table-wrapper, .cell_output") ?? e;
+  const scrolls = e => getComputedStyle(around(e)).overflowX == "auto";
   found[`${page} ${width}`] = {
     needed: root.scrollWidth, width: root.clientWidth, height: root.scrollHeight,
     code: [...d.querySelectorAll("pre")].filter(wide).length,

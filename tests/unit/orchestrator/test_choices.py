@@ -45,6 +45,7 @@ from sblcosim.report import two_level as report
 from sblcosim.report.paper import figures as paper_figures
 from sblcosim.require import figures as require_figures
 from sblcosim.results import result
+from sblcosim.results.figures import animation
 from sblcosim.results.figures import run as figures
 from sblcosim.scenario.wiring import connect
 from sblcosim.simulation import execution
@@ -141,6 +142,10 @@ CALLS: dict[str, Any] = {
     "artifacts.check other": partial(artifacts.check, Path("nowhere")),
     "artifacts.draft other": lambda other: artifacts.draft("nowhere", {}, other).__enter__(),
     "artifacts.place_for other": partial(artifacts.place_for, Path("nowhere"), {}),
+    "results.figures.animation.write theme": partial(
+        animation.write, RECORD, TRACKS, Path("nowhere.gif")
+    ),
+    "results.result.Result.animate theme": partial(RESULT.animate, "nowhere.gif"),
     "results.result.Result.save other": partial(RESULT.save, "nowhere", figures=False),
     "results.result.Result.save theme": partial(RESULT.save, "nowhere", figures=False),
     "judge.metrics.error_column frame": partial(metrics.error_column, axis="x"),

@@ -92,6 +92,6 @@ def test_a_damaged_driver_is_compiled_again_and_works(
     for damaged in (b"", good[: len(good) // 2]):
         path.unlink()
         path.write_bytes(damaged)
-        with pytest.warns(DamageWarning, match="it is built again"):
+        with pytest.warns(DamageWarning, match="it is being built again"):
             c_libraries.load.__wrapped__(native.DRIVER)
         assert path.read_bytes() == good

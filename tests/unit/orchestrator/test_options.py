@@ -84,7 +84,8 @@ class Case:
 _CONTENTS = (contents.carried_out, contents.study, contents.study_lines)
 CASES = [
     Case(("run", SCENARIO), (api.run,)),
-    Case(("run", SCENARIO, "--runs", "3"), (run_many,)),
+    Case(("run", SCENARIO, "--runs", "3"), (run_many,),
+         without={"--animate": "is of one run, and is refused"}),
     Case(("smooth", "runs/x"), (smooth,)),
     Case(("plan", SCENARIO), (connect, resolve, check_size, contents.plan),
          without={"--svg": "is of packages, and is refused"}),
