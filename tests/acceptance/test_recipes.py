@@ -193,7 +193,8 @@ from reference import columns
 
 run = sblcosim.run("harbour-square", overrides={"time.duration_s": 20.0})
 print(json.dumps({
-    "frame": run.errors["median_m"].to_list(), "html": run._repr_html_(), "text": str(run),
+    "frame": run.errors["median_m"].to_list(), "html": run._repr_html_(),
+    "text": run.text(verbose=True),
     "reference": [line for line in columns("sblcosim.judge.columns.ERRORS") if "median_m" in line],
 }))
 """
@@ -203,7 +204,8 @@ def test_a_column_of_the_table_of_errors(copy: Copy) -> None:
     title = "Add a column to the table of errors"
     edits = [text for language, text in recipe(title) if language == "diff"]
     assert len(edits) == 1
-    text = done(copy, title)
+    done(copy, title)
+    text = copy.run(f"{SHORT} --verbose --out runs/verbose")
     assert re.search(r"^receiver +axis +mean +RMS +std +median$", text, re.MULTILINE)
     table = errors(copy, "median")
     assert table.columns.to_list()[-2:] == ["median_m", "n"]
