@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.metadata
-import itertools
 import json
 import os
 import signal
@@ -20,9 +19,10 @@ from typing import Any
 import distributed
 import pandas as pd
 import pytest
+import tasks
 from distributed import LocalCluster
 from sblcosim.errors import ConfigurationError
-from sblcosim.fmus import files, stopping
+from sblcosim.fmus import stopping
 from sblcosim.simulation.how import How
 from sblcosim.study import campaign, executors, store, study
 from seams import Seam
@@ -207,13 +207,13 @@ def test_of_processes_that_cannot_tidy_up_no_file_is_left(
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     workers, failure = 2, KeyboardInterrupt()
     with pytest.raises(KeyboardInterrupt) as caught, executors.processes(workers) as pool:  # noqa: PT012
-        tasks = [pool.submit(_scratch_of_one, tmp_path, workers) for _ in range(workers)]
-        places = {task.result() for task in tasks}
+        asked = [pool.submit(tasks.scratch_of_one, tmp_path, workers) for _ in range(workers)]
+        places = {task.result() for task in asked}
         assert len(places) == workers
         for pid, place in places:
             assert place.is_dir()
             if what == "writes on":
-                pool.submit(_write_on, place)
+                pool.submit(tasks.write_on, place)
             else:
                 os.kill(pid, getattr(signal, what))
         while what == "writes on" and not all((place / "0").exists() for _, place in places):
@@ -221,21 +221,6 @@ def test_of_processes_that_cannot_tidy_up_no_file_is_left(
         raise failure
     assert caught.value is failure
     assert os.listdir(tmp_path) == []
-
-
-def _scratch_of_one(folder: Path, workers: int) -> tuple[int, Path]:
-    """What a worker has for itself, when all have it: none does two of these tasks."""
-    place = files.scratch()
-    until = time.monotonic() + 300
-    while len(list(folder.iterdir())) < 2 * workers and time.monotonic() < until:
-        time.sleep(0.01)
-    return os.getpid(), place
-
-
-def _write_on(place: Path) -> None:
-    """Write files into the scratch of one worker, whichever has this task."""
-    for number in itertools.count():
-        (place / str(number)).touch()
 
 
 def test_a_worker_that_ended_before_it_got_runs_is_said_too() -> None:
