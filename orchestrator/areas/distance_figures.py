@@ -60,7 +60,7 @@ def plot_distance(
         if found.limit_m is not None:
             ax.axhline(found.limit_m, color=look.ink, lw=1.2, ls=LINES[3])
         what = found.settings["error"].replace("_", " ")
-        ax.set(xlabel=f"Horizontal distance from {found.origin} [m]",
+        ax.set(xlabel=f"Horizontal distance from {found.reference_point} [m]",
                ylabel=f"{what[0].upper()}{what[1:]} error [m]",
                xlim=tuple(found.settings["distance_m"]))
         ax.set_ylim(bottom=0.0)

@@ -3,34 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from .. import artifacts, style
-from ..answer import Answer
+from .. import style
 from ..catalogue import Figure, Job, by_name, jobs
 from ..judge.definitions import LOST, MANY_LOST
 from ..layout import fitted, table
 from ..lazy import Module
 from ..results import data_sheet
-from ..scenario.arrangement import has_own_errors
-from ..scenario.scenario import Scenario
 from ..shown import Picture
 from ..words.lists import counted
 from ..words.numbers import figure, meters, rounded
 from ..words.shares import percent, rough_percent
-from .possible import caveat
+from .over_places import OverPlaces
 from .tables import DISTANCES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-Floats = NDArray[np.float64]
 
 TABLE = "distances"
 _ROWS = 12
@@ -38,51 +32,22 @@ _ROWS = 12
 _figures = Module("sblcosim.areas.distance_figures")
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class DistanceCurve(Answer):
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class DistanceCurve(OverPlaces):
     """The error of a receiver against the distance from the platform, with the possible error.
 
     Attributes
     ----------
-    scenario
-        What was simulated: the given scenario, with a diver who circles about the origin. In a run,
-        the circle is at that distance and depth.
-    receiver
-        Label of the receiver.
-    settings
-        The arguments of `map_distance`, with all defaults, as plain data.
-    motion
-        How the diver moves, in words.
     distances
         A row per depth and distance, `sblcosim.areas.tables.DISTANCES`: ``rms_m``, ``p95_m`` with
         its ``std_error_m`` and the ``bound_m`` of the data sheet, ``possible_rms_m``,
         ``possible_p95_m``, ``lost_share``.
-    failures
-        Messages of failed runs, with their number.
-    doubt
-        Why the receiver does not suit this motion, in words; empty if it does.
-    left_out
-        Estimated RMS of the errors that the possible error leaves out and that matter [m], keyed by
-        a description; each as long as the table.
     """
 
     document = "distances"
     columns = MappingProxyType({TABLE: DISTANCES})
 
-    scenario: Scenario
-    receiver: str
-    settings: Mapping[str, Any]
-    motion: str
     distances: pd.DataFrame
-    failures: Mapping[str, int]
-    doubt: str = ""
-    left_out: Mapping[str, Floats] = field(default_factory=dict)
-
-    @property
-    def limit_m(self) -> float | None:
-        """The requirement [m]."""
-        limit: float | None = self.settings["limit_m"]
-        return limit
 
     @property
     def depths(self) -> list[float]:
@@ -137,14 +102,14 @@ class DistanceCurve(Answer):
         if not known:
             return (
                 f"no data-sheet sentence at {depth:g} m depth: {without} {distances[0]:g} m from "
-                f"{self.origin}"
+                f"{self.reference_point}"
             )
         kept = rows[:known]
         each = f"each of {known} distances" if known > 1 else "that distance"
         said = data_sheet.sentence(
             self.receiver, float(kept["bound_m"].max()),
-            f"{_reach(distances[0], distances[known - 1])} from {self.origin}, at {depth:g} m "
-            "depth",
+            f"{_reach(distances[0], distances[known - 1])} from {self.reference_point}, at "
+            f"{depth:g} m depth",
             self.scenario, f"{s['runs']:,} runs at {each}", s["error"],
         )  # fmt: skip
         lost = float(kept["lost_share"].max())
@@ -153,12 +118,6 @@ class DistanceCurve(Answer):
         if known < len(rows):
             said += f"; no figure farther out: {without} at {figure(distances[known])} m"
         return said
-
-    @property
-    def origin(self) -> str:
-        """The reference point of the distances."""
-        own = has_own_errors(self.scenario.platform)
-        return "the middle of the beacons" if own else "the platform"
 
     def reach(self, depth: float) -> tuple[float | None, float | None]:
         """Up to which distance the requirement is kept, and up to which that is possible [m].
@@ -209,8 +168,7 @@ class DistanceCurve(Answer):
                 f"no accuracy is possible at {counted(bent, 'distance')}: places all around the "
                 "platform fit"
             )
-        for message, count in self.failures.items():
-            yield f"{counted(count, 'run')} failed: {message}"
+        yield from self.failed()
         yield (
             f"{s['runs']:,} runs at each of {s['cells']} distances, in all directions; distances "
             f"are horizontal, from the middle of the beacons to the middle of the diver's circle"
@@ -220,10 +178,7 @@ class DistanceCurve(Answer):
             f"{s['speed_m_s']:g} m/s; errors count from {s['settling_s']:g} s to "
             f"{s['duration_s']:g} s"
         )
-        if self.doubt:
-            yield self.doubt
-        if self.left_out:
-            yield caveat(self.left_out)
+        yield from self.warned()
 
     def text(self, *, verbose: bool = False, width: int | None = None) -> str:
         """The answer, a table for each depth, and the remarks.
@@ -249,14 +204,11 @@ class DistanceCurve(Answer):
     def to_json(self) -> dict[str, Any]:
         """Everything as plain data; missing numbers are None."""
         reach = [self.reach(depth) for depth in self.depths]
-        plain: dict[str, Any] = artifacts.plain({
-            "scenario_name": self.scenario.name, "receiver": self.receiver,
-            "settings": self.settings, "motion": self.motion, "data_sheet": self.data_sheet,
-            "reach_m": [it[0] for it in reach], "possible_reach_m": [it[1] for it in reach],
-            "distances": DISTANCES.rows(self.distances), "failures": self.failures,
-            "doubt": self.doubt or None, "caveat": caveat(self.left_out) or None,
+        return self.plain({
+            "data_sheet": self.data_sheet, "reach_m": [it[0] for it in reach],
+            "possible_reach_m": [it[1] for it in reach],
+            "distances": DISTANCES.rows(self.distances),
         })  # fmt: skip
-        return plain
 
     def manifest(self) -> dict[str, Any]:
         """What was simulated, as plain data."""

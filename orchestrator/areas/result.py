@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import ceil
 from pathlib import Path
 from types import MappingProxyType
@@ -14,16 +14,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from .. import artifacts, style
-from ..answer import Answer
+from .. import style
 from ..catalogue import Figure, Job, by_name, jobs
 from ..judge.definitions import LOST, MANY_LOST
 from ..judge.pooling import effective
 from ..layout import fitted
 from ..lazy import Module
 from ..results import data_sheet
-from ..scenario.arrangement import has_own_errors
-from ..scenario.scenario import Scenario
 from ..shown import Picture
 from ..tracks.place import Origin
 from ..words.lists import counted
@@ -31,7 +28,7 @@ from ..words.numbers import meters, number
 from ..words.shares import percent, rough_percent, whole_percent
 from . import contours
 from .grid import Grid
-from .possible import caveat
+from .over_places import OverPlaces
 from .tables import CELLS
 
 if TYPE_CHECKING:
@@ -45,21 +42,12 @@ NOISE, FLAT = 20.0, 0.2
 _figures = Module("sblcosim.areas.figures")
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class AreaMap(Answer):
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class AreaMap(OverPlaces):
     """The 95 % error of a receiver over an area, with the possible error.
 
     Attributes
     ----------
-    scenario
-        What was simulated: the given scenario, with a diver who circles about the origin. In a
-        cell, the circle is about the cell's middle.
-    receiver
-        Label of the receiver.
-    settings
-        The arguments of `map_area`, with all defaults, as plain data.
-    motion
-        How the diver moves, in words.
     grid
         The cells.
     cells
@@ -68,39 +56,19 @@ class AreaMap(Answer):
         ``std_error_m``, infinite where more than 5 % of the runs have no estimate; ``lost_share``
         and ``availability`` of the cell's own runs; ``possible_p95_m``, the possible error, missing
         where ``accuracy`` is false; ``hdop``.
-    failures
-        Messages of failed runs, with their number.
     beacons
         Positions in still water, NED [m]; (N, 3).
     origin
         Position on Earth, if the scenario has one.
-    doubt
-        Why the receiver does not suit this motion, in words; empty if it does.
-    left_out
-        Estimated RMS of the errors that the possible error leaves out and that matter [m], keyed by
-        a description; each as long as the table.
     """
 
     document = "map"
     columns = MappingProxyType({TABLE: CELLS})
 
-    scenario: Scenario
-    receiver: str
-    settings: Mapping[str, Any]
-    motion: str
     grid: Grid
     cells: pd.DataFrame
-    failures: Mapping[str, int]
     beacons: Floats
     origin: Origin | None
-    doubt: str = ""
-    left_out: Mapping[str, Floats] = field(default_factory=dict)
-
-    @property
-    def limit_m(self) -> float | None:
-        """The requirement [m]."""
-        limit: float | None = self.settings["limit_m"]
-        return limit
 
     def of(self, column: str) -> Floats:
         """A column of the cells as a map; (rows, columns), the first row in the south."""
@@ -175,16 +143,7 @@ class AreaMap(Answer):
 
     def to_json(self) -> dict[str, Any]:
         """Everything but the cells as plain data."""
-        plain: dict[str, Any] = artifacts.plain(
-            {
-                "scenario_name": self.scenario.name, "receiver": self.receiver,
-                "settings": self.settings, "motion": self.motion, "summary": self.summary(),
-                "failures": self.failures, "doubt": self.doubt or None,
-                "caveat": caveat(self.left_out) or None,
-                "data_sheet": self.data_sheet,
-            }
-        )
-        return plain
+        return self.plain({"summary": self.summary(), "data_sheet": self.data_sheet})
 
     def manifest(self) -> dict[str, Any]:
         """What was simulated, and the outcome."""
@@ -263,9 +222,9 @@ class AreaMap(Answer):
         (south, north), (west, east) = grid.north, grid.east
         middle = self.beacons.mean(0)
         if np.allclose([south + north, west + east], 2 * middle[:2], atol=1e-6):
-            own = has_own_errors(self.scenario.platform)
-            about = "the middle of the beacons" if own else "the platform"
-            return f"{number(north - south)} m × {number(east - west)} m about {about}"
+            return (
+                f"{number(north - south)} m × {number(east - west)} m about {self.reference_point}"
+            )
         return (
             f"the area from {number(south)} to {number(north)} m north and from {number(west)} to "
             f"{number(east)} m east"
@@ -316,8 +275,7 @@ class AreaMap(Answer):
                 f"the colours span {_span(self.colours)}, further than the errors do, so that "
                 "noise does not look like a structure"
             )
-        for message, count in self.failures.items():
-            yield f"{count:,} runs have failed: {message}"
+        yield from self.failed()
         rows, columns = self.grid.shape
         north, east = self.grid.size
         extra = f", and {found['extra_runs']:,} more near the limit" if found["extra_runs"] else ""
@@ -327,10 +285,7 @@ class AreaMap(Answer):
         )
         yield f"the diver {self.motion}; errors count from {s['settling_s']:g} s to "\
               f"{s['duration_s']:g} s"
-        if self.doubt:
-            yield self.doubt
-        if self.left_out:
-            yield caveat(self.left_out)
+        yield from self.warned()
 
     def _gist(self) -> str:
         return f"of {self.receiver}, {self.grid.count:,} cells"

@@ -10,16 +10,9 @@ from .document import Document, DocumentPart, Number, part_of
 DistanceRow: Any = part_of(DISTANCES)
 
 
-class MapSettings(DocumentPart):
-    """The arguments."""
+class _Settings(DocumentPart):
+    """The arguments that both maps take."""
 
-    area_m: list[float]
-    """North from and to, east from and to."""
-    depth_m: float
-    cells: list[int]
-    """Rows and columns."""
-    runs: int
-    """Runs in each cell, in the first round."""
     error: Literal[
         "absolute_total", "absolute_horizontal", "relative_total", "relative_horizontal"
     ]
@@ -30,6 +23,18 @@ class MapSettings(DocumentPart):
     radius_m: float
     speed_m_s: float
     seed: int
+
+
+class MapSettings(_Settings):
+    """The arguments."""
+
+    area_m: list[float]
+    """North from and to, east from and to."""
+    depth_m: float
+    cells: list[int]
+    """Rows and columns."""
+    runs: int
+    """Runs in each cell, in the first round."""
 
 
 class MapSummary(DocumentPart):
@@ -54,27 +59,32 @@ class MapSummary(DocumentPart):
     possible_within_share: Number
 
 
-class Map(Document):
-    """The 95 % error of a receiver over an area; the cells are in the folder's cells.csv."""
+class _OverPlaces(Document):
+    """What both maps say."""
 
     scenario_name: str
     receiver: str
-    settings: MapSettings
     motion: str
     """How the diver moves."""
-    summary: MapSummary
     failures: dict[str, int]
     """Messages of failed runs, with their number."""
     doubt: str | None
     """Set if the circle turns faster than the receiver allows for, in words; else null."""
     caveat: str | None
     """Errors that the possible error leaves out, if they matter; else null."""
-    data_sheet: str
-    """A sentence for a data sheet, or why there is none."""
     folder: str
 
 
-class DistanceSettings(DocumentPart):
+class Map(_OverPlaces):
+    """The 95 % error of a receiver over an area; the cells are in the folder's cells.csv."""
+
+    settings: MapSettings
+    summary: MapSummary
+    data_sheet: str
+    """A sentence for a data sheet, or why there is none."""
+
+
+class DistanceSettings(_Settings):
     """The arguments."""
 
     distance_m: list[float]
@@ -85,26 +95,12 @@ class DistanceSettings(DocumentPart):
     """Number of distances."""
     runs: int
     """Runs at each distance and depth."""
-    error: Literal[
-        "absolute_total", "absolute_horizontal", "relative_total", "relative_horizontal"
-    ]
-    limit_m: Number
-    """The requirement; null if there is none."""
-    duration_s: float
-    settling_s: float
-    radius_m: float
-    speed_m_s: float
-    seed: int
 
 
-class Distances(Document):
+class Distances(_OverPlaces):
     """The error of a receiver against the distance from the platform."""
 
-    scenario_name: str
-    receiver: str
     settings: DistanceSettings
-    motion: str
-    """How the diver moves."""
     data_sheet: list[str]
     """A sentence for each depth, or why there is none."""
     reach_m: list[Number]
@@ -113,10 +109,3 @@ class Distances(Document):
     possible_reach_m: list[Number]
     """Up to which distance it can be kept."""
     distances: list[DistanceRow]
-    failures: dict[str, int]
-    """Messages of failed runs, with their number."""
-    doubt: str | None
-    """Set if the circle turns faster than the receiver allows for, in words; else null."""
-    caveat: str | None
-    """Errors that the possible error leaves out, if they matter; else null."""
-    folder: str

@@ -22,6 +22,7 @@ import sblcosim
 from sblcosim import analysis, require
 from sblcosim.analysis import workflow
 from sblcosim.answer import Answer, Extended
+from sblcosim.areas.over_places import OverPlaces
 from sblcosim.calibrate import calibrate
 from sblcosim.cli.documents.by_command import DOCUMENTS, document
 from sblcosim.data.tables import Columns
@@ -152,7 +153,7 @@ def every_class() -> set[type]:
     while left:
         own = left.pop().__subclasses__()
         left += own
-        found |= {*own} - {Extended}
+        found |= {*own} - {Extended, OverPlaces}
     return found
 
 

@@ -64,21 +64,26 @@ ADVICE = advice.advise(RUNS, "ab", "y", {})
 MEANS = sweep.means(RUNS, "ab", "y", [0.0, 0.0])
 RESULT = result.Result(result.RunDescription("x", {}, ["ekf"]), RECORD)
 AREA = area_result.AreaMap(
-    sblcosim.load("paper-scenario-1"), "ekf",
-    {"limit_m": None, "error": "absolute_total", "runs": 1, "settling_s": 0.0, "duration_s": 1.0},
-    "rests", Grid((0.0, 2.0), (0.0, 2.0), 2, 2, 5.0),
-    pd.DataFrame(dict.fromkeys(
+    scenario=sblcosim.load("paper-scenario-1"), receiver="ekf", motion="rests", failures={},
+    settings={
+        "limit_m": None, "error": "absolute_total", "runs": 1, "settling_s": 0.0, "duration_s": 1.0
+    },
+    grid=Grid((0.0, 2.0), (0.0, 2.0), 2, 2, 5.0), beacons=np.zeros((4, 3)), origin=None,
+    cells=pd.DataFrame(dict.fromkeys(
         ("runs", "p95_m", "std_error_m", "lost_share", "possible_p95_m", "accuracy", "hdop"),
         [1.0] * 4,
-    )).astype({"accuracy": bool}), {}, np.zeros((4, 3)), None,
+    )).astype({"accuracy": bool}),
 )  # fmt: skip
 DISTANCE = DistanceCurve(
-    sblcosim.load("paper-scenario-1"), "ekf",
-    {"limit_m": None, "error": "absolute_total", "runs": 1, "settling_s": 0.0, "duration_s": 1.0,
-     "distance_m": [0.0, 9.0], "depth_m": [5.0], "cells": 2},
-    "rests", pd.DataFrame({"depth_m": [5.0, 5.0], "distance_m": [0.0, 9.0]}).assign(**dict.fromkeys(
-        ("rms_m", "p95_m", "std_error_m", "bound_m", "lost_share", "possible_p95_m"), 1.0,
-    )), {},
+    scenario=AREA.scenario, receiver="ekf", motion="rests", failures={},
+    settings={
+        **AREA.settings, "distance_m": [0.0, 9.0], "depth_m": [5.0], "cells": 2,
+    },
+    distances=pd.DataFrame({
+        "depth_m": [5.0, 5.0], "distance_m": [0.0, 9.0], **dict.fromkeys(
+            ("rms_m", "p95_m", "std_error_m", "bound_m", "lost_share", "possible_p95_m"), 1.0
+        )
+    }),
 )  # fmt: skip
 RANGE_TEST = (np.array([0.0, 1.0]), np.array([0.0, 1.0]), np.zeros(2), (0.0, 1.0))
 CALIBRATED = calibrate.CalibrationResult(
