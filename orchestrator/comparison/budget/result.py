@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 import pandas as pd
@@ -22,7 +22,7 @@ from ...shown import Picture
 from ...words.numbers import short_length
 from ...words.shares import percent, whole_percent
 from .shares import CONFIDENCE
-from .tables import ROWS
+from .tables import ROWS, RowKind
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -115,7 +115,7 @@ class Budget(Answer):
                 f"{nearest(frame, known)}"
             )
         rows = self.table[self.table["frame"] == frame].set_index("source")
-        order = {"all": 0, "source": 1, "together": 2, "rest": 3, "remainder": 4}
+        order = {kind: place for place, kind in enumerate(get_args(RowKind))}
         keys = rows.assign(order=rows["kind"].map(order), size=-rows["share"])
         return rows.loc[keys.sort_values(["order", "size"], kind="stable").index]
 

@@ -32,6 +32,7 @@ from . import sources
 from .bound import BOUND_RUNS, BoundBySwitch, bounds
 from .result import ALL, FRAMES, NONE, REMAINDER, Budget
 from .shares import LEAST_RUNS, shares
+from .tables import RowKind
 
 Floats = NDArray[np.float64]
 Overrides = Mapping[str, Any]
@@ -47,7 +48,7 @@ class _Row:
     """A row of the table: its name, its kind, and the sources that it switches."""
 
     name: str
-    kind: str
+    kind: RowKind
     sources: tuple[str, ...]
 
 

@@ -6,6 +6,9 @@ from typing import Literal
 
 from ...data.tables import Columns, TableColumn
 
+RowKind = Literal["all", "source", "together", "rest", "remainder"]
+"""Kinds of rows, in the order in which they are shown."""
+
 ROWS = Columns(
     "BudgetRow",
     "A source of error, or what is left of the whole, in one frame.",
@@ -15,7 +18,7 @@ ROWS = Columns(
                     type=Literal["absolute", "own_relative"]),
         TableColumn("source", "Name of the source.", type=str),
         TableColumn("kind", "Nothing switched, one source, several, all of them, or what does not "
-                    "add up.", type=Literal["all", "source", "together", "rest", "remainder"]),
+                    "add up.", type=RowKind),
         TableColumn("rms_m", "RMS error without the source, or with better equipment; for the "
                     "kind all, without a switch.", "m", "RMS"),
         TableColumn("share", "Part of the mean square that goes with the source; negative where "
