@@ -19,7 +19,7 @@ from sblcosim.areas.rings import Rings, rings_of
 from sblcosim.comparison.many import data_sheet as of_many
 from sblcosim.errors import ConfigurationError
 from sblcosim.judge.pooling import effective, neighbours
-from sblcosim.limits import places
+from sblcosim.limits import places, unknown
 from sblcosim.models.settings.presets import preset
 from sblcosim.results import data_sheet
 from sblcosim.scenario.arrangement import has_own_errors
@@ -112,6 +112,35 @@ def test_a_distance_has_its_runs_in_all_directions() -> None:
         assert gaps.max() < 2.7 * 2 * np.pi / 90
     first = np.arctan2(*offset[:4].T[::-1])
     assert len(np.unique(first.round(6))) == 4  # not all distances alike
+
+
+def test_what_is_possible_is_asked_for_in_all_directions() -> None:
+    rings = Rings((3.0, -2.0), (5.0, 50.0), (4.0,))
+    found = rings.centres.reshape(-1, 2, 3)
+    np.testing.assert_allclose(found.mean(axis=0), [[3.0, -2.0, 4.0]] * 2, atol=1e-9)
+    np.testing.assert_allclose(
+        np.hypot(*(found[..., :2] - [3.0, -2.0]).T), np.repeat([[5.0], [50.0]], len(found), axis=1)
+    )
+
+
+def test_what_possible_leaves_out_is_the_mean_square_over_directions() -> None:
+    """Errors of mounting: different ahead and abeam of a long arrangement."""
+    given = sblcosim.load("realistic-dive", {
+        "platform.beacon_m": [[9.0, 0, 0.5], [-9.0, 0, 0.5], [0, 1.0, 0.5], [0, -1.0, 0.5]],
+        "platform.mounting_std_m": 0.5,
+    })  # fmt: skip
+    found = sblcosim.map_distance(given, "20,40", 5.0, cells=2, runs=2, **SHORT)
+    north, east = places.still_beacons(given).mean(0)[:2]
+    squares: dict[str, list[float]] = {}
+    for angle in 2 * np.pi * np.arange(16) / 16:
+        place = np.array([[north + 20 * np.cos(angle), east + 20 * np.sin(angle), 5.0]])
+        span = (SHORT["settling_s"], SHORT["duration_s"])
+        for words, it in unknown.squares_in_places(found.scenario, place, span).items():
+            squares.setdefault(words, []).append(float(it[0]))
+    assert found.left_out
+    for words, it in found.left_out.items():
+        assert it[0] == pytest.approx(np.sqrt(np.mean(squares[words])), rel=1e-9)
+        assert np.ptp(squares[words]) > 0.01 * np.mean(squares[words])  # directions are not alike
 
 
 # --- The numbers, a second way -------------------------------------------------------------------
