@@ -29,7 +29,7 @@ Overrides = TypedDict(
 _TAIL = '''    },
     total=False,
 )
-"""Keys of a scenario, ``table.key``, or whole tables; None takes a key back."""
+Overrides.__doc__ = "Keys of a scenario, ``table.key``, or whole tables; None takes a key back."
 '''
 _WIDTH = 100
 

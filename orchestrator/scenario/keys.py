@@ -248,4 +248,4 @@ Overrides = TypedDict(
     },
     total=False,
 )
-"""Keys of a scenario, ``table.key``, or whole tables; None takes a key back."""
+Overrides.__doc__ = "Keys of a scenario, ``table.key``, or whole tables; None takes a key back."

@@ -336,7 +336,10 @@ async function look(page, width) {
   const scrolls = e => getComputedStyle(around(e)).overflowX == "auto";
   found[`${page} ${width}`] = {
     needed: root.scrollWidth, width: root.clientWidth, height: root.scrollHeight,
-    code: [...d.querySelectorAll("pre")].filter(wide).length,
+    code: [...d.querySelectorAll("pre")].filter(
+      e => wide(e) && !e.closest(".highlight-text")).length,
+    columns: [...d.querySelectorAll(".highlight-text pre")].filter(
+      e => ["whiteSpace", "overflowX"].map(it => getComputedStyle(e)[it]) != "pre,auto").length,
     stuck: [...d.querySelectorAll("table")].filter(
       e => e.getBoundingClientRect().right > article.right + 1 && !scrolls(e)).length,
     fields: d.querySelectorAll("input.filter").length, article: article.width,
@@ -363,6 +366,7 @@ def every_page_fits_narrow_and_wide_windows(site: Site) -> None:
     for name, it in seen.items():
         assert it["needed"] <= it["width"], f"{name}: wider than the window"
         assert it["stuck"] == 0, f"{name}: a table that is cut off"
+        assert it["columns"] == 0, f"{name}: columns of an output that are wrapped"
         if it["width"] < 400:
             assert it["code"] == 0, f"{name}: commands that are cut off"
         elif not name.startswith("docs/made"):
@@ -370,6 +374,13 @@ def every_page_fits_narrow_and_wide_windows(site: Site) -> None:
     scenario = seen["docs/reference/scenario.html 1400"]
     assert scenario["fields"] == 1
     assert scenario["height"] < 21000
+
+
+def test_every_public_name_says_what_it_is() -> None:
+    text = (DOCS / "reference" / "python.md").read_text("utf-8")
+    rows = re.findall(r"^\| `(\w+)` \| *(.*?) *\|$", text, re.MULTILINE)
+    assert len(rows) > 20
+    assert [name for name, words in rows if not words] == []
 
 
 def test_every_key_of_a_study_is_in_the_reference() -> None:
