@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
-from ..errors import ConfigurationError, instance, resolved, shortened
+from ..errors import ConfigurationError, check_choice, instance, resolved, shortened
 from ..results.responses import Response
 from ..results.user_responses import of_file, of_function, of_origin
 from ..scenario import files, library
@@ -74,6 +74,34 @@ class Study(Definition):
     def with_replicates(self, replicates: int) -> Study:
         """A copy with another number of replicates; the runs common to both are equal."""
         return load(self.tables() | {"replicates": replicates})
+
+    def with_levels(self, **levels: Any) -> Study:
+        """A copy with other levels of some factors, as ``with_levels(gps=[0.1, 1.0])``.
+
+        Raises
+        ------
+        ConfigurationError
+            There is no such factor, or it cannot have these levels.
+        """
+        tables = self.tables()
+        for name, given in levels.items():
+            check_choice("factor", name, self.factors)
+            tables["factors"][name]["levels"] = given
+        return load(tables)
+
+    def without(self, *factors: str) -> Study:
+        """A copy without some factors, whose keys then have the values of the scenario.
+
+        Raises
+        ------
+        ConfigurationError
+            There is no such factor, or the design needs it.
+        """
+        tables = self.tables()
+        for name in factors:
+            check_choice("factor", name, tables["factors"])
+            del tables["factors"][name]
+        return load(tables)
 
     def tables(self) -> dict[str, Any]:
         """The tables of the study's file."""

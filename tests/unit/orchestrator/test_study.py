@@ -63,6 +63,33 @@ def test_no_run_of_the_shipped_studies_shares_its_seed_with_another() -> None:
     assert len(set(seeds)) == 3 * 6400
 
 
+def test_levels_and_factors_can_be_changed() -> None:
+    made = small(factors={"arm": ARM, "tick": TICK, "gps": GPS})
+    other = made.with_levels(gps=[0.5, 1.0], arm=[1.0, 2.0])
+    assert [f.levels for f in other.factors.values()] == [(1.0, 2.0), (0.1, 0.5), (0.5, 1.0)]
+    fewer = made.without("gps", "tick")
+    assert [*fewer.factors] == ["arm"]
+    assert fewer.overrides(1) == {"platform.arm_length_m": 0.4}
+    for changed in (other, fewer):
+        kept = {"factors"}
+        assert changed.model_dump(exclude=kept) == made.model_dump(exclude=kept)
+    assert [*made.factors] == ["arm", "tick", "gps"]
+
+
+@pytest.mark.parametrize(("change", "words"), [
+    (lambda made: made.with_levels(arn=[1.0, 2.0]),
+     "factor: must be arm or tick, got 'arn'; did you mean 'arm'?"),
+    (lambda made: made.without("gps"), "factor: must be arm or tick, got 'gps'"),
+    (lambda made: made.without("arm", "arm"), "factor: must be tick, got 'arm'"),
+    (lambda made: made.with_levels(arm=[1.0]),
+     "small: [factors.arm] levels: must have at least two levels, got 1"),
+])  # fmt: skip
+def test_levels_and_factors_that_cannot_be_are_refused(change: Any, words: str) -> None:
+    with pytest.raises(ConfigurationError) as refusal:
+        change(small())
+    assert str(refusal.value) == words
+
+
 def test_common_seeds_are_shared_by_the_points_of_a_replicate() -> None:
     common = small(seeding="common", seed=7)
     assert [common.run_seed(p, 2) for p in (1, 2, 3, 4)] == [8, 8, 8, 8]
