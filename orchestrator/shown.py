@@ -133,6 +133,13 @@ def folded(summary: str, content: str) -> str:
     return f"<details><summary>{escape(summary)}</summary>{content}</details>"
 
 
+def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """HTML of a table of texts."""
+    heads = "".join(f"<th>{escape(word)}</th>" for word in head)
+    lines = ("".join(f"<td>{escape(cell)}</td>" for cell in row) for row in rows)
+    return f"<table><tr>{heads}</tr>{''.join(f'<tr>{line}</tr>' for line in lines)}</table>"
+
+
 def verbatim(text: str) -> str:
     """HTML of lines as they are; long ones are broken."""
     return f'<pre style="white-space: pre-wrap">{escape(text)}</pre>'

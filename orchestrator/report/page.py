@@ -8,15 +8,18 @@ is right on light paper, on dark paper and in print.
 from __future__ import annotations
 
 import re
+from base64 import b64encode
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
+from itertools import groupby
 from typing import Literal
 
 import jinja2
 from markupsafe import escape
 
+from .. import layout, shown
 from ..style import THEMES, Theme, ThemeName, named
 
 NARROW, WIDEST = 40, 125
@@ -70,6 +73,17 @@ class PageTable:
             total += 3 + max([least, *map(len, lines)])
         return total
 
+    def __str__(self) -> str:
+        right = [i for i in range(1, len(self.head)) if i not in self.words]
+        table = "\n".join(layout.table(self.rows, layout.WIDTH, self.head, right))
+        parts = filter(None, [self.caption, table, self.note])
+        return layout.fitted("\n\n".join(parts), layout.WIDTH)
+
+    def _repr_html_(self) -> str:
+        return shown.page(self.caption, shown.table(self.head, self.rows), *(
+            [f"<p>{escape(self.note)}</p>"] if self.note else []
+        ))
+
 
 @dataclass(frozen=True, slots=True)
 class PagePicture:
@@ -93,8 +107,14 @@ _KINDS = {Text: "text", Code: "code", PageTable: "table", PagePicture: "picture"
 class Section:
     """A heading with blocks and parts; `anchor` is unique in the page.
 
-    Of a folded one only the heading is seen until it is opened: by its heading, by a link to its
-    anchor or to something in it, by the browser's search, and in print.
+    A folded section shows only its heading and its pictures, which are small. It is opened by its
+    heading, by a picture, by a link to its anchor or to something in it, by the browser's search,
+    and in print.
+
+    Attributes
+    ----------
+    beside
+        Whether it stands beside its neighbours of this kind, where there is room.
     """
 
     title: str
@@ -102,6 +122,36 @@ class Section:
     blocks: Sequence[Block] = ()
     parts: Sequence[Section] = ()
     folded: bool = False
+    beside: bool = False
+
+    @property
+    def pictures(self) -> list[PagePicture]:
+        """The figures among its blocks."""
+        return [block for block in self.blocks if isinstance(block, PagePicture)]
+
+    @property
+    def figures(self) -> list[PagePicture]:
+        """All figures in it and in its parts."""
+        return [*self.pictures, *(figure for part in self.parts for figure in part.figures)]
+
+    @property
+    def open_figures(self) -> list[PagePicture]:
+        """The figures in it and in its parts that are not folded."""
+        within = (figure for part in self.parts for figure in part.open_figures)
+        return [] if self.folded else [*self.pictures, *within]
+
+    @property
+    def arrangement(self) -> Literal["beside", "small", "below"]:
+        """How it stands among its neighbours: beside them, as a small picture, or below them."""
+        if self.folded:
+            return "small" if self.pictures else "below"
+        return "beside" if self.beside else "below"
+
+    @property
+    def rows(self) -> list[tuple[str, list[Section]]]:
+        """Its parts: those in a row that are arranged alike, and how."""
+        found = groupby(self.parts, key=lambda part: part.arrangement)
+        return [(arrangement, list(parts)) for arrangement, parts in found]
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,6 +167,11 @@ class Page:
 def render(page: Page) -> str:
     """The HTML file's text."""
     return _environment().get_template("report.html.jinja").render(page=page)
+
+
+def brief(page: Page) -> str:
+    """HTML for a notebook: the answers and figures; what is folded in the report is folded."""
+    return _environment().get_template("notebook.html.jinja").render(page=page)
 
 
 def inline(picture: PagePicture, theme: ThemeName = "light") -> str:
@@ -161,6 +216,7 @@ def _environment() -> jinja2.Environment:
         lstrip_blocks=True,
     )
     environment.filters["inline"] = inline
+    environment.filters["base64"] = lambda text: b64encode(text.encode()).decode()
     environment.globals["css"] = _template("report.css")
     environment.globals["themes"] = {name: variables(look) for name, look in THEMES.items()}
     environment.globals |= {"wide": NARROW, "wider": WIDEST}

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from ..catalogue import Figure, jobs
-from .page import Block, PagePicture
+from .page import Block, PagePicture, Section
 
 Subject = TypeVar("Subject")
 
@@ -52,3 +52,11 @@ def pictures(
         svg = file.read_text("utf-8") if file and file.exists() else job.svg()
         found.append(PagePicture(job.name, svg, figure.caption(subject), figure.alt(subject)))
     return found
+
+
+def folded(pictures: Sequence[PagePicture]) -> list[Section]:
+    """A section for each figure, which is small until it is opened."""
+    return [
+        Section(picture.caption.partition(":")[0], f"place-{picture.name}", [picture], folded=True)
+        for picture in pictures
+    ]

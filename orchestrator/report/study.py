@@ -32,7 +32,7 @@ from . import two_level as factorial
 from .common import DEFINITIONS, as_toml, method, reproduce, seeding
 from .means import Means
 from .page import Block, Page, PagePicture, PageTable, Section, Text, render
-from .parts import StudySections, pictures
+from .parts import StudySections, folded, pictures
 from .space import Indices
 from .two_level import Findings
 from .two_level_figures import FIGURES
@@ -322,11 +322,8 @@ def _factorial_page(findings: Findings, drawn: Path | None, source: StudiedRuns)
 
 
 def _figures(pictures: Sequence[PagePicture]) -> Section:
-    """The first figures, and the others folded."""
-    rest = pictures[2:]
-    words = " · ".join(picture.caption.partition(":")[0] for picture in rest)
-    more = [Section(words, "more-figures", rest, folded=True)] if rest else []
-    return Section("Figures", "figures", pictures[:2], more)
+    """The first figures, and the others small."""
+    return Section("Figures", "figures", pictures[:2], folded(pictures[2:]))
 
 
 def _tables(source: StudiedRuns, first: Section) -> Section:

@@ -21,7 +21,7 @@ from ..comparison.common.statistics import share_interval
 from ..judge.definitions import LOST
 from ..lazy import Module
 from ..scenario.scenario import Scenario
-from ..shown import folded, page, verbatim
+from ..shown import folded, page, table, verbatim
 from ..words.lists import doing, listed, plural
 from ..words.numbers import bounds, figure
 from ..words.shares import percent
@@ -506,14 +506,10 @@ class Requirement(Answer):
         return f"to {self.question.study.name}, on {len(self.designs)} designs; {chosen}"
 
     def _repr_html_(self) -> str:
-        head, rows = self.table(self.designs)
-        cells = "".join(
-            f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows
-        )
         return page(
             self.title,
             f"<p>{escape(self.answer)}</p>",
-            f"<table><tr>{''.join(f'<th>{escape(h)}</th>' for h in head)}</tr>{cells}</table>",
+            table(*self.table(self.designs)),
             folded("How to read the numbers", verbatim("\n".join(self.remarks))),
         )
 

@@ -13,6 +13,7 @@ import html5lib
 import pytest
 from sblcosim import style
 from sblcosim.cli import app
+from sblcosim.report.page import Page, PagePicture, Section, render
 from typer.testing import CliRunner
 
 BROWSER = next(
@@ -50,13 +51,19 @@ addEventListener("load", () => setTimeout(() => {
   for (const name of ["a", "b"]) {
     const w = document.getElementById(name).contentWindow, d = w.document;
     const root = d.documentElement, colour = (e, p) => w.getComputedStyle(e)[p];
-    const drawings = [...d.querySelectorAll("figure svg")];
+    const drawings = [...d.querySelectorAll("figure svg, .picture svg")];
+    const small = [...d.querySelectorAll(".picture svg")];
     const folded = [...d.querySelectorAll("details")];
     const opened = folded.filter(e => e.open).map(e => e.querySelector(".folded").id);
     const height = root.scrollHeight;
+    const closed = small.map(s => s.getBoundingClientRect().toJSON());
     folded.forEach(e => { e.open = true; });
     const wide = [...d.querySelectorAll(".scroll")].filter(e => e.scrollWidth > e.clientWidth + 1);
     found[name] = {
+      small: closed.map((before, i) => {
+        const after = small[i].getBoundingClientRect();
+        return [before.width, before.height, after.width, small[i].viewBox.baseVal.width * 96 / 72];
+      }),
       opened, height, whole: root.scrollHeight,
       wide: wide.length,
       figures: wide.filter(e => e.querySelector("svg")).length,
@@ -132,6 +139,12 @@ def test_a_report_renders_alone_in_both_themes_and_fits_narrow_and_wide_windows(
     assert found["b"]["height"] < 0.5 * found["b"]["whole"]
     assert found["a"]["wide"] > 0
     assert found["b"]["scale"] * style.SMALL >= 8  # points
+    for window, widest in (("a", 185), ("b", 260)):
+        assert len(found[window]["small"]) == 3
+        for width, height, opened, whole in found[window]["small"]:
+            assert 60 < width < widest
+            assert 60 < height <= 12 * 16
+            assert opened == pytest.approx(whole, rel=0.01)
     for window in found.values():
         assert window["unsaid"] == []
         assert window["figures"] == window["code"] == 0
@@ -145,6 +158,53 @@ def test_a_report_renders_alone_in_both_themes_and_fits_narrow_and_wide_windows(
         other = style.THEMES["dark" if theme == "light" else "light"]
         only = {*other.receivers, other.grid} - {*look.receivers, look.grid}
         assert not {rgb(colour) for colour in only} & set(window["colours"])
+
+
+BESIDE = """<!DOCTYPE html><title>probe</title><pre id="found"></pre>
+<iframe id="a" width="390" height="800" src="report.html"></iframe>
+<iframe id="b" width="1400" height="800" src="report.html"></iframe>
+<script>
+addEventListener("load", () => setTimeout(() => {
+  const found = {};
+  for (const name of ["a", "b"]) {
+    const d = document.getElementById(name).contentDocument, root = d.documentElement;
+    found[name] = {
+      width: root.clientWidth, needed: root.scrollWidth,
+      at: [...d.querySelectorAll("figure svg")].map(s => s.getBoundingClientRect().toJSON()),
+      scale: [...d.querySelectorAll("figure svg")].map(
+        s => s.getBoundingClientRect().width / s.viewBox.baseVal.width * 72 / 96),
+    };
+  }
+  document.getElementById("found").textContent = JSON.stringify(found);
+}, 500));
+</script>
+"""
+
+
+def test_figures_stand_beside_each_other_where_there_is_room(tmp_path: Path) -> None:
+    pictures = [
+        PagePicture(name, style.svg(style.new_figure(width, 6.0).subplots(), name), "C", "A")
+        for name, width in (("pareto", 6.4), ("path", 7.2))
+    ]
+    parts = [Section(one.name, f"at-{one.name}", [one], beside=True) for one in pictures]
+    text = render(Page("P", "L", [Section("S", "s", parts=parts)]))
+    (tmp_path / "report.html").write_text(text, "utf-8")
+    (tmp_path / "probe.html").write_text(BESIDE, "utf-8")
+    dom, complaints = browse(
+        tmp_path, "--virtual-time-budget=20000", "--dump-dom", (tmp_path / "probe.html").as_uri()
+    )
+    assert complaints == ""
+    found = json.loads(html5lib.parse(dom, namespaceHTMLElements=False).find(".//pre").text)
+    for window in found.values():
+        assert window["needed"] <= window["width"]
+        for place in window["at"]:
+            assert 0 <= place["left"] < place["right"] <= window["width"]
+    left, right = found["b"]["at"]
+    assert left["right"] < right["left"]
+    assert left["top"] == right["top"]
+    assert min(found["b"]["scale"]) * style.SMALL >= 8  # points
+    first, second = found["a"]["at"]
+    assert first["bottom"] < second["top"]
 
 
 def test_all_of_a_report_is_printed(folder: Path) -> None:

@@ -15,6 +15,7 @@ from typing import Any
 
 import html5lib
 import pytest
+from IPython.core.formatters import DisplayFormatter
 from sblcosim.analysis import workflow
 from sblcosim.analysis.two_level.analysis import Factorial
 from sblcosim.analysis.two_level.ranking import tied
@@ -278,8 +279,11 @@ def test_the_ranges_of_table_3_have_indices_beside_the_effects(
 @pytest.mark.parametrize("number", [9, *range(11, 31)])
 def test_every_figure_of_the_paper_has_its_place(tree: Any, number: int) -> None:
     section = part(tree, f"place-figure-{number}")
-    assert section.tag == "details"  # folded, but for its heading
-    assert words(section.find("summary/h3")).startswith(f"Figure {number}: ")
+    is_open = number in (12, 15, 19, 22, 25, 28)
+    heading = section.find("h3" if is_open else "summary/h3")
+    assert words(heading).startswith(f"Figure {number}: ")
+    seen = section.find("figure") if is_open else section.find("summary")
+    assert [e for e in seen.iter() if str(e.tag).endswith("svg")]
     assert "In the paper (section " in words(section)
     assert "Ours" in words(section)
     drawings = [e for e in section.iter() if str(e.tag).endswith("svg")]
@@ -288,6 +292,56 @@ def test_every_figure_of_the_paper_has_its_place(tree: Any, number: int) -> None
         assert drawing.get("role") == "img"
         assert drawing.get("aria-label")
         assert sum(1 for _ in drawing.iter()) > 20
+
+
+@pytest.mark.parametrize(("n", "figures"), [(1, (15, 12)), (2, (22, 19)), (3, (28, 25))])
+def test_of_a_scenario_the_pareto_chart_is_open_beside_the_trajectory(
+    tree: Any, n: int, figures: tuple[int, int]
+) -> None:
+    section = part(tree, f"scenario-{n}")
+    first = next(e for e in section if e.tag == "div")
+    assert first.get("class") == "beside"
+    assert [e.get("aria-labelledby") for e in first] == [f"place-figure-{f}" for f in figures]
+    inside = {e for details in section.iter("details") for e in details.iter()}
+    drawn = [e for e in section.iter() if str(e.tag).endswith("svg")]
+    assert sum(e not in inside for e in drawn) == 2
+    summaries = {e for summary in section.iter("summary") for e in summary.iter()}
+    assert all(e in summaries for e in drawn if e in inside)  # small, not hidden
+
+
+@pytest.fixture(scope="module")
+def again(
+    finished: tuple[Path, str], tmp_path_factory: pytest.TempPathFactory
+) -> tuple[str, str]:
+    """The report of the same runs, made in Python, and what a notebook shows of it."""
+
+    def make(folder: Path) -> dict[str, Any]:
+        shutil.copytree(finished[0] / "runs", folder / "paper" / "runs")
+        shown = paper.run(folder / "paper")
+        assert repr(shown) == f"<PaperReport of 3 scenarios: {shown.report}>"
+        formats, _ = DisplayFormatter().format(shown)
+        return {"report": shown.report.read_text("utf-8"), "html": formats["text/html"]}
+
+    made = shared(tmp_path_factory, "paper-in-python", make)[1]
+    return made["report"], made["html"]
+
+
+def test_equal_runs_give_an_equal_report(again: tuple[str, str], text: str) -> None:
+    assert again[0] == text
+
+
+def test_a_notebook_shows_the_answers_and_all_figures(
+    again: tuple[str, str], tree: Any, finished: tuple[Path, str]
+) -> None:
+    page = html5lib.parseFragment(again[1], namespaceHTMLElements=False)
+    shown = [e.get("alt") for e in page.iter("img")]
+    drawn = [e.get("aria-label") for e in tree.iter() if str(e.tag).endswith("svg")]
+    assert sorted(shown) == sorted(drawn)
+    open_ = [len(row.findall("img")) for row in page.findall("div")]
+    assert open_ == [2, 2, 2]
+    answers = [words(p) for p in page.findall("p")]
+    assert len(answers) == 3
+    assert all(re.sub(r"\s", "", a) in re.sub(r"\s", "", finished[1]) for a in answers)
 
 
 def test_what_ours_has_in_common_with_the_paper_is_no_row(tree: Any) -> None:

@@ -7,21 +7,23 @@ from typing import TYPE_CHECKING
 from ... import lazy
 
 if TYPE_CHECKING:
-    from .campaigns import SCENARIOS, SESSIONS, progress_of
-    from .numbers import PRACTICAL, facts, pooled, pooled_intervals, verdict
+    from .campaigns import FAVOURABLE, SCENARIOS, SESSIONS, progress_of
+    from .comparisons import beside, verdict
+    from .numbers import PRACTICAL, facts, facts_of_figure, pooled, pooled_intervals
     from .page import PaperReport, run
 
 __all__ = [
-    "PRACTICAL", "SCENARIOS", "SESSIONS", "PaperReport", "facts", "pooled",
-    "pooled_intervals", "progress_of", "run", "verdict",
+    "FAVOURABLE", "PRACTICAL", "SCENARIOS", "SESSIONS", "PaperReport", "beside", "facts",
+    "facts_of_figure", "pooled", "pooled_intervals", "progress_of", "run", "verdict",
 ]  # fmt: skip
 
 __getattr__, __dir__ = lazy.names(
     __name__,
     {
-        "PaperReport": "page", "PRACTICAL": "numbers", "SCENARIOS": "campaigns",
-        "SESSIONS": "campaigns", "facts": "numbers", "pooled": "numbers",
+        "FAVOURABLE": "campaigns", "PRACTICAL": "numbers", "PaperReport": "page",
+        "SCENARIOS": "campaigns", "SESSIONS": "campaigns", "beside": "comparisons",
+        "facts": "numbers", "facts_of_figure": "numbers", "pooled": "numbers",
         "pooled_intervals": "numbers", "progress_of": "campaigns", "run": "page",
-        "verdict": "numbers",
+        "verdict": "comparisons",
     },
 )  # fmt: skip

@@ -176,11 +176,5 @@ def simulate(
 
 def sea(beaufort: int) -> Record:
     """The platform in a sea of the shipped table of waves."""
-    tables = load_scenario("harbour-square").given()
-    platform = {
-        key: value for key, value in tables["platform"].items()
-        if not key.startswith(("roll_", "pitch_", "yaw_"))
-    }
-    tables["platform"] = platform | {"beaufort": beaufort}
-    tables["time"] = tables["time"] | {"duration_s": INCLINATION_WINDOW_S}
-    return run_scenario(tables).record
+    changes = {"platform.beaufort": beaufort, "time.duration_s": INCLINATION_WINDOW_S}
+    return run_scenario("harbour-square", overrides=changes.items()).record

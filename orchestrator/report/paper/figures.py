@@ -22,37 +22,29 @@ from sblcosim.fmus import stopping
 from sblcosim.models.platform.beaufort import LEVELS
 from scipy import stats
 
-from ...analysis.two_level.ranking import ranking
 from ...catalogue import Figure, Job, by_name
 from ...catalogue import jobs as jobs_of
 from ...data.record import Record
 from ...data.truth import recorded
 from ...results.figures import run as plots
 from ...results.result import Result
-from ...scenario.scenario import load as load_scenario
 from ...study.again import replay
 from ...study.design import INTERACTION_SIGN
 from ...study.executors import deferring_signals, processes
 from ...style import ThemeName, new_figure, use
-from ...words.numbers import interval, number, signed, unbroken
+from ...words.numbers import interval, signed, unbroken
 from ...words.shares import percent
 from .. import two_level as factorial
-from ..page import Block, PageTable, Text
+from ..page import Block, Text
 from ..two_level import Findings
 from ..two_level_figures import FIGURES as STUDY_FIGURES
 from .campaigns import SCENARIOS, SEAS, Progress, sea
-from .numbers import (
-    MEAN,
-    TOTAL,
-    PaperNumbers,
-    compared,
-    facts,
-    facts_of_errors,
-    facts_of_figure,
-    order_row,
-    row,
-)
+from .comparisons import compared, factors, row
+from .numbers import MEAN, TOTAL, PaperNumbers, facts_of_errors, facts_of_figure
 
+OPEN = (15, 12, 22, 19, 28, 25)
+"""Numbers of the figures that are open in the report: of each scenario the Pareto chart, beside the
+trajectory."""
 UNEVEN = 0.1
 """Rank correlation of fit and size of the residual from which the scatter is uneven."""
 
@@ -101,10 +93,6 @@ def _no_blocks(material: Material) -> Sequence[Block]:
     return ()
 
 
-def _no_settings(material: Material) -> Mapping[str, float]:
-    return {}
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PaperFigure(Figure[Material]):
     """A figure of the report.
@@ -117,14 +105,11 @@ class PaperFigure(Figure[Material]):
         Of the paper's figure, as ``12a``; empty if the paper has no such figure.
     beside
         What is said above the first drawing of a figure of the paper.
-    settings
-        Ours of the settings that the paper states.
     """
 
     scenario: int | None = None
     label: str = ""
     beside: Callable[[Material], Sequence[Block]] = _no_blocks
-    settings: Callable[[Material], Mapping[str, float]] = _no_settings
 
     @property
     def number(self) -> int:
@@ -160,12 +145,6 @@ def _seas(material: Material) -> tuple[dict[str, Record]]:
     },)
 
 
-def _sea_settings(material: Material) -> dict[str, float]:
-    named = dict(zip("ab", SEAS, strict=True))
-    heights = {f"wave height {word} [m]": LEVELS[b].wave_height for word, b in named.items()}
-    return heights | {f"Beaufort {word}": b for word, b in named.items()}
-
-
 def _sea_text(material: Material) -> list[Block]:
     parts = []
     for beaufort in SEAS:
@@ -179,15 +158,6 @@ def _sea_text(material: Material) -> list[Block]:
 def _session(material: Material) -> tuple[Record, dict[str, pd.DataFrame]]:
     tracks = material.session.tracks
     return material.session.record, {"EKF": tracks["ekf"], "raw": tracks["multilateration"]}
-
-
-def _session_settings(material: Material) -> dict[str, float]:
-    scenario = load_scenario("harbour-square")
-    return {
-        "depth of the receiver [m]": scenario.target.depth_start_m,
-        "packet loss [%]": 100 * scenario.acoustics.loss_probability,
-        "speed of sound [m/s]": scenario.acoustics.sound_speed_m_s,
-    }
 
 
 def _session_text(material: Material) -> list[Block]:
@@ -208,10 +178,6 @@ def _path(n: int, material: Material) -> tuple[Record, dict[str, pd.DataFrame]]:
 
 def _track(n: int, material: Material) -> tuple[Record, dict[str, pd.DataFrame]]:
     return material.points[n].record, {"EKF": material.points[n].tracks["ekf"]}
-
-
-def _point_settings(n: int) -> dict[str, float]:
-    return {"radius [m]": load_scenario(f"paper-scenario-{n}").target.radius_m}
 
 
 _NOT_GIVEN = {
@@ -245,21 +211,8 @@ def _errors_text(n: int, material: Material) -> list[Block]:
 # --- The studies ---------------------------------------------------------------------------------
 
 
-def _ranking(n: int, findings: Findings) -> Block:
-    """The paper's most influential factors beside the size of ours."""
-    a = findings.shown
-    labels = findings.study.labels
-    named = {labels[name] for name in facts()["order"][str(n)]["named"]}
-    rows = []
-    for name, rank in ranking(a).items():
-        effect: Any = a.effects.loc[name]
-        rows.append((name, "named" if name in named else "–", rank, signed(effect["effect"]),
-                     interval(effect["low"], effect["high"], signed), number(abs(effect["t"]))))
-    return PageTable(
-        "Main effects: which the paper names as the most influential, and the size of ours",
-        ("Factor", "Paper", "Our place", "Effect [m]", "95 % interval [m]", "|t|"), rows, (1,),
-        f"Verdict: {order_row(n, findings)[3]}. Where several factors share places, the sizes of "
-        "their effects cannot be told apart. The paper prints no sizes.")
+def _factors(n: int, findings: Findings) -> Block:
+    return factors(n, findings.data)
 
 
 def _interactions(n: int, findings: Findings) -> Block:
@@ -311,14 +264,13 @@ def _figure(
     plot: Callable[..., Any],
     data: Callable[[Material], tuple[Any, ...]],
     beside: Callable[[Material], Sequence[Block]],
-    settings: Callable[[Material], Mapping[str, float]],
 ) -> PaperFigure:
     """A drawing beside a figure of the paper, with the paper's words as its caption."""
     figure = label.rstrip("ab")
     words = facts_of_figure(int(figure))["shows"] + (f" ({label[-1]})" if label != figure else "")
     return PaperFigure(
         name=f"figure-{label}", label=label, plot=plot, data=data, beside=beside,
-        settings=settings, caption=lambda _: f"Ours, as Figure {figure}: {words}",
+        caption=lambda _: f"Ours, as Figure {figure}: {words}",
         alt=lambda _: f"Ours: {words}",
     )
 
@@ -331,9 +283,7 @@ def _of_point(
     beside: Callable[[int, Material], Sequence[Block]],
 ) -> PaperFigure:
     """A drawing of the run at the favourable point of a scenario."""
-    figure = _figure(
-        label, plot, partial(data, n), partial(beside, n), lambda _: _point_settings(n)
-    )
+    figure = _figure(label, plot, partial(data, n), partial(beside, n))
     return replace(figure, scenario=n)
 
 
@@ -364,17 +314,17 @@ FIGURES: Mapping[str, PaperFigure] = by_name(
     # drawn in this order: the slow ones first
     _of_study(1, "interactions", "16", _interactions),
     _of_study(1, "residuals", "18", _residuals),
-    _of_study(1, "pareto", "15", _ranking),
+    _of_study(1, "pareto", "15", _factors),
     _of_study(1, "main_effects", "17", _better_levels),
     _of_study(1, "box_cox"),
     _of_study(2, "interactions", "23", _interactions),
     _of_study(2, "residuals"),
-    _of_study(2, "pareto", "22", _ranking),
+    _of_study(2, "pareto", "22", _factors),
     _of_study(2, "main_effects", "24", _better_levels),
     _of_study(2, "box_cox"),
     _of_study(3, "interactions", "29", _interactions),
     _of_study(3, "residuals"),
-    _of_study(3, "pareto", "28", _ranking),
+    _of_study(3, "pareto", "28", _factors),
     _of_study(3, "main_effects", "30", _better_levels),
     _of_study(3, "box_cox"),
     _of_point(1, "12a", plots.plot_path, _path, _path_text),
@@ -388,8 +338,8 @@ FIGURES: Mapping[str, PaperFigure] = by_name(
     _of_point(3, "25", plots.plot_path_3d, _path, _path_text),
     _of_point(3, "26", plots.plot_axes, _track, _point_text),
     _of_point(3, "27", plots.plot_errors, _track, _errors_text),
-    _figure("11", plots.plot_path, _session, _session_text, _session_settings),
-    _figure("9", plot_waves, _seas, _sea_text, _sea_settings),
+    _figure("11", plots.plot_path, _session, _session_text),
+    _figure("9", plot_waves, _seas, _sea_text),
 )
 
 

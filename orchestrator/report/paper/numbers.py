@@ -1,9 +1,9 @@
-"""The paper's numbers and ours: the facts of the paper, statistics of the runs, and comparisons."""
+"""The paper's numbers and ours: the facts of the paper, and statistics of the runs."""
 
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
@@ -14,23 +14,15 @@ import pandas as pd
 from scipy import stats
 
 from ...analysis.space.analysis import Sensitivity
-from ...analysis.two_level.ranking import ranking
-from ...judge.definitions import AXES
 from ...study.study import Study
-from ...words.numbers import interval, number
-from ...words.shares import percent
 from .. import two_level as factorial
-from ..page import PageTable
 from ..two_level import Findings
 from . import ranges
 from .campaigns import SCENARIOS, SESSIONS, Progress
 
 PRACTICAL = 0.5
 """Default of the smallest effect that matters [m]: about half of the paper's errors."""
-NEAR = 0.10
-"""Relative difference up to which numbers agree."""
 TOTAL, MEAN = "absolute_total_rms_m", "absolute_total_mean_m"
-HEAD = ("Quantity", "Paper", "Ours", "95 % interval", "Ratio", "Ours is")
 
 
 @cache
@@ -132,95 +124,3 @@ def overall(table: pd.DataFrame, column: str) -> tuple[float, float, float]:
     error = float(np.sqrt((groups.var() / groups.size()).sum())) / groups.ngroups
     reach = float(stats.norm.ppf(0.975)) * error
     return mean, mean - reach, mean + reach
-
-
-# --- Comparisons ---------------------------------------------------------------------------------
-
-
-def verdict(ratio: float) -> str:
-    """Whether two numbers agree, in a word or two."""
-    if abs(ratio - 1) < 1e-9:
-        return "equal"
-    if abs(ratio - 1) <= NEAR:
-        return f"within {percent(NEAR, '.0f')}"
-    if ratio > 2:
-        return f"{ratio:.2g} times the paper's"
-    return f"{percent(abs(ratio - 1), '.0f')} {'above' if ratio > 1 else 'below'}"
-
-
-def row(what: str, theirs: float, ours: float, interval: str = "–") -> tuple[str, ...]:
-    """A row of `compared`: a number of the paper and ours."""
-    ratio = ours / theirs
-    return what, number(theirs), number(ours), interval, f"{ratio:.2f}", verdict(ratio)
-
-
-def row_with_interval(
-    what: str, theirs: float, ours: tuple[float, float, float]
-) -> tuple[str, ...]:
-    """As `row`; ours is a mean and its interval."""
-    mean, low, high = ours
-    return row(what, theirs, mean, interval(low, high, number))
-
-
-def compared(caption: str, rows: Sequence[Sequence[str]], note: str = "") -> PageTable:
-    """The paper's numbers and ours; without intervals if there are none."""
-    head: Sequence[str] = HEAD
-    if all(cells[3] == "–" for cells in rows):
-        rows, head = [(*cells[:3], *cells[4:]) for cells in rows], (*HEAD[:3], *HEAD[4:])
-    return PageTable(caption, head, rows, (len(head) - 1,), note)
-
-
-def session_rows(
-    table: pd.DataFrame, receiver: str, theirs: Sequence[float], what: str, unit: str = ""
-) -> list[tuple[str, ...]]:
-    """Rows of Table 2 for a receiver on a path: mean and standard deviation."""
-    return [
-        row(f"{what}: {word}{unit}", known, ours, interval(*ends, number))
-        for word, known, ours, ends in zip(
-            ("mean", "standard deviation"), theirs, pooled(table, receiver),
-            pooled_intervals(table, receiver), strict=True,
-        )
-    ]
-
-
-def error_rows(
-    n: int, numbers: PaperNumbers
-) -> tuple[list[tuple[str, ...]], list[tuple[str, ...]]]:
-    """Rows of a scenario's table of errors: of the favourable point, and of all points."""
-    _, table = facts_of_errors(n)
-    point, whole = [], []
-    for axis in (*AXES, "total"):
-        column = f"ekf.absolute_{axis}_rms_m"
-        name = "e_tot" if axis == "total" else f"e_{axis}"
-        ours = average(numbers.points[n], column)
-        point.append(row_with_interval(f"{name} [m]", table[axis], ours))
-        ours = overall(numbers.runs[n], column)
-        whole.append(row_with_interval(f"{name} [m]", table[axis], ours))
-    ours = average(numbers.points[n], "ekf.relative_total_rms_m")
-    label = "e_tot [m], relative to the platform as it reports itself"
-    point.append(row_with_interval(label, table["total"], ours))
-    return point, whole
-
-
-def order_row(n: int, findings: Findings) -> tuple[str, ...]:
-    """The paper's most influential factors and ours, in words."""
-    labels = findings.study.labels
-    named = [labels[name] for name in facts()["order"][str(n)]["named"]]
-    ranks = ranking(findings.shown)
-    groups: dict[str, list[str]] = {}
-    for name, rank in ranks.items():
-        groups.setdefault(rank, []).append(name)
-    shown, count = [], 0
-    for same in groups.values():
-        if count >= len(named):
-            break
-        shown.append(same[0] if len(same) == 1 else f"({', '.join(same)})")
-        count += len(same)
-    first = list(ranks)[:count]
-    if not set(named) <= set(first):
-        missing = ", ".join(name for name in named if name not in first)
-        return f"{n}", ", ".join(named), ", ".join(shown), f"differs: {missing} is further down"
-    text = "agrees"
-    if extra := [name for name in first if name not in named]:
-        text += f"; {', '.join(extra)} cannot be told from the last of them"
-    return f"{n}", ", ".join(named), ", ".join(shown), text

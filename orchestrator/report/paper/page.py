@@ -21,13 +21,15 @@ from ... import artifacts
 from ...analysis.two_level.sentences import answer
 from ...errors import ConfigurationError, resolved
 from ...scenario.scenario import load as load_scenario
+from ...shown import Shown
 from ...study import store
 from ...words.numbers import unbroken
 from ...words.shares import percent
 from .. import possible
 from .. import two_level as factorial
 from ..common import DEFINITIONS, method, reproduce, seeding
-from ..page import Block, Page, PagePicture, PageTable, Section, Text, render
+from ..page import Block, Page, PagePicture, PageTable, Section, Text, brief, render
+from ..parts import folded
 from ..study import REPORT
 from . import ranges
 from .campaigns import (
@@ -43,36 +45,42 @@ from .campaigns import (
     sessions_in_words,
     simulate,
 )
-from .figures import FIGURES, Material, PaperFigure, draw, gather, painters
-from .numbers import (
+from .comparisons import (
     NEAR,
+    Row,
+    compared,
+    errors_of_all,
+    order_row,
+    point_errors,
+    row_with_interval,
+    session_rows,
+    sessions,
+    stated,
+)
+from .figures import FIGURES, OPEN, Material, PaperFigure, draw, gather, painters
+from .numbers import (
     PRACTICAL,
     TOTAL,
     PaperNumbers,
     analyse,
     average,
-    compared,
-    error_rows,
     facts,
     facts_of_errors,
     facts_of_figure,
-    order_row,
     overall,
-    row,
-    row_with_interval,
-    session_rows,
-    verdict,
 )
 
 
-@dataclass(frozen=True, eq=False)
-class PaperReport:
-    """Result of `run`.
+@dataclass(frozen=True, eq=False, repr=False)
+class PaperReport(Shown):
+    """The paper's results and ours. A notebook shows its answers and figures.
 
     Attributes
     ----------
     report
         The HTML file.
+    page
+        Its content.
     answers
         A sentence for each scenario.
     seconds
@@ -80,8 +88,15 @@ class PaperReport:
     """
 
     report: Path
+    page: Page
     answers: Mapping[int, str]
     seconds: Mapping[str, float]
+
+    def _gist(self) -> str:
+        return f"of {len(self.answers)} scenarios: {self.report}"
+
+    def _repr_html_(self) -> str:
+        return brief(self.page)
 
 
 @interruptible
@@ -141,10 +156,14 @@ def run(
                 pool.shutdown()
     with _clock(seconds, "report"):
         tell(0.97, "writing")
-        _write(folder / PAGES, _page(material, drawings, folder, command, quick), numbers, drawings)
+        page = _page(material, drawings, folder, command, quick)
+        _write(folder / PAGES, page, numbers, drawings)
         tell(1.0, "writing")
-    answers = {n: answer(findings.shown) for n, findings in numbers.findings.items()}
-    return PaperReport(folder / PAGES / REPORT, answers, seconds)
+    return PaperReport(folder / PAGES / REPORT, page, _answers(numbers), seconds)
+
+
+def _answers(numbers: PaperNumbers) -> dict[int, str]:
+    return {n: answer(findings.shown) for n, findings in numbers.findings.items()}
 
 
 def _silently(share: float, doing: str) -> None:
@@ -172,8 +191,8 @@ def _page(
     sections = [
         Section("Summary", "summary", _summary(numbers, quick)),
         Section("The harbour and the sea", "harbour", [], [
-            Section("Table 2: sessions in the harbour", "table-2", _harbour(numbers), folded=True),
             *_figures(None, material, drawings),
+            Section("Table 2: sessions in the harbour", "table-2", _harbour(numbers), folded=True),
         ]),
         *(_scenario(n, material, drawings) for n in SCENARIOS),
         Section("Method", "method", _method(numbers), folded=True),
@@ -188,10 +207,9 @@ def _summary(numbers: PaperNumbers, quick: bool) -> list[Block]:
     if quick:
         blocks.append(Text("A quick look with few replicates: intervals are wide, and some factors "
                            "cannot be told apart that can be without --quick.", "note"))
-    for n, findings in numbers.findings.items():
-        blocks.append(Text(unbroken(f"Scenario {n}. {answer(findings.shown)}"), "answer"))
-        blocks.append(Text(unbroken(factorial.what_matters(findings.shown))))
-    rows: list[Sequence[str]] = []
+    for n, text in _answers(numbers).items():
+        blocks.append(Text(unbroken(f"Scenario {n}. {text}"), "answer"))
+    rows: list[Row] = []
     for n in SCENARIOS:
         table, theirs = facts_of_errors(n)
         what = f"Table {table}, total error [m]"
@@ -206,47 +224,33 @@ def _summary(numbers: PaperNumbers, quick: bool) -> list[Block]:
     blocks.append(compared("The paper's numbers and ours", rows))
     blocks.append(PageTable("Factors that influence the error most, the largest effect first",
                         ("Scenario", "Paper", "Ours", "Verdict"),
-                        [order_row(n, numbers.findings[n]) for n in SCENARIOS], (1, 2, 3),
+                        [order_row(n, numbers.findings[n].data) for n in SCENARIOS], (1, 2, 3),
                         "Factors in brackets cannot be told apart by the size of their effects."))
     return blocks
 
 
 def _harbour(numbers: PaperNumbers) -> list[Block]:
-    rows = []
-    for name in SESSIONS:
-        theirs = facts()["table2"][name]
-        for label, key, receiver in (("raw fix (j = 1)", "instrument", "multilateration"),
-                                     ("EKF (j = 2)", "ekf", "ekf")):
-            rows += session_rows(
-                numbers.sessions[name], receiver, theirs[key], f"{name}, {label}"
-            )
-    count = len(numbers.sessions["square"])
     return [
-        Text(f"The paper gives sea state, depth, loss and sound speed of its sessions; the rest "
-             f"was chosen to come near its EKF rows: {sessions_in_words()}."),
-        compared(
-            "Table 2: total error [m]", rows,
-            f"Ours: mean and standard deviation over all samples of {count} sessions each; "
-            "intervals from the scatter between sessions."),
+        Text("The paper gives sea state, depth, loss and sound speed of its sessions. We chose the "
+             f"other settings to come near its EKF rows: {sessions_in_words()}."),
+        sessions(numbers.sessions),
         Text("The EKF's errors are those of a GPS error that all beacons share and that varies "
              "slowly: its standard deviation is half of its mean, as a two-dimensional Gaussian "
              "error has it."),
-        Text("The row j = 1 is the track of the paper's real receiver in the water, or a raw fix; "
-             "which of them is not said. Ours is the fix without a filter, from simulation: what "
-             "a real channel adds is not in it, so that it is smaller."),
     ]
 
 
 def _figures(
     scenario: int | None, material: Material, drawings: Mapping[str, str]
 ) -> list[Section]:
-    """The paper's figures of a scenario, or of the harbour, in the paper's order."""
+    """The paper's figures of a scenario, or of the harbour: the open ones, then all others."""
     own = [f for f in FIGURES.values() if f.scenario == scenario and f.label]
     own.sort(key=lambda figure: (figure.number, figure.label))
-    return [
-        _figure(number, list(same), material, drawings)
+    found = {
+        number: _figure(number, list(same), material, drawings)
         for number, same in groupby(own, key=lambda figure: figure.number)
-    ]
+    }
+    return [found[number] for number in dict.fromkeys((*OPEN, *found)) if number in found]
 
 
 def _figure(
@@ -255,23 +259,22 @@ def _figure(
     """A figure of the paper: what the paper states, ours, and the drawings."""
     known = facts_of_figure(number)
     text = f"In the paper (section {known['section']}): {known['shows']}."
-    ours = figures[0].settings(material)
     if "says" in known:
         text += f" It says: {known['says']}."
-    elif "states" not in known and not ours:
-        text += " It prints no number with it."
-    states = {what: float(theirs) for what, theirs in known.get("states", {}).items()}
-    same = [what for what, theirs in states.items() if verdict(ours[what] / theirs) == "equal"]
+    rows = stated(number)
+    same = [row[0].partition(" [")[0] for row in rows if row[-1] == "equal"]
     if same:
-        text += f" Ours has the same {', '.join(what.partition(' [')[0] for what in same)}."
-    rows = [row(what, states[what], ours[what]) for what in states if what not in same]
-    blocks: list[Block] = [Text(text)]
-    if rows:
-        blocks.append(compared(f"Figure {number} in numbers", rows))
-    blocks += figures[0].beside(material)
-    blocks += _pictures(figures, material, drawings)
-    heading = f"Figure {number}: {known['shows']}"
-    return Section(heading, f"place-figure-{number}", blocks, folded=True)
+        text += f" Ours has the same {', '.join(same)}."
+    words: list[Block] = [Text(text)]
+    if different := [row for row in rows if row[-1] != "equal"]:
+        words.append(compared(f"Figure {number} in numbers", different))
+    words += figures[0].beside(material)
+    drawn = _pictures(figures, material, drawings)
+    heading, anchor = f"Figure {number}: {known['shows']}", f"place-figure-{number}"
+    if number not in OPEN:
+        return Section(heading, anchor, [*drawn, *words], folded=True)
+    more = Section("Beside the paper", f"words-figure-{number}", [*drawn[1:], *words], folded=True)
+    return Section(heading, anchor, drawn[:1], [more], beside=True)
 
 
 def _pictures(
@@ -289,53 +292,27 @@ def _scenario(n: int, material: Material, drawings: Mapping[str, str]) -> Sectio
     title = findings.study.title.rpartition(": ")[2]
     table, _ = facts_of_errors(n)
     ours = [f for f in FIGURES.values() if f.scenario == n and not f.label]
-    beyond = [*factorial.tables(findings), *_pictures(ours, material, drawings)]
     sections = [
+        *_figures(n, material, drawings),
+        *folded(_pictures(ours, material, drawings)),
         Section(f"Table {table}: average errors", f"table-{table}", _errors(n, material.numbers),
                 folded=True),
-        *_figures(n, material, drawings),
         Section("Over the whole ranges of Table 3: Sobol' indices", f"ranges-{n}",
                 ranges.blocks(material.numbers.indices[n], findings), folded=True),
-        Section(f"Scenario {n} in full", f"full-{n}", beyond, folded=True),
+        Section(f"Scenario {n} in full", f"full-{n}", factorial.tables(findings), folded=True),
     ]
     return Section(f"Scenario {n}: {title}", f"scenario-{n}", factorial.summary(findings), sections)
 
 
 def _errors(n: int, numbers: PaperNumbers) -> list[Block]:
     """The scenario's table of errors beside the favourable point and the mean over all points."""
-    table, theirs = facts_of_errors(n)
-    point, whole = error_rows(n, numbers)
-    first = average(numbers.points[n], f"ekf.{TOTAL}")[0] / theirs["total"]
-    if n == 1:
-        reading = (
-            "This is a consistent reading of the table for Scenario 1, not a proof: the paper does "
-            "not say which runs it averages."
-        )
-    else:
-        reading = (
-            f"The same point, which was chosen for Scenario 1, gives a total error of "
-            f"{first:.2f} times that of Table {table}: path, speed and filter tuning of this "
-            "scenario are not given, and nothing was tuned to it."
-        )
-    runs = numbers.runs[n]
-    gps = numbers.studies[n].factors["gps"]
-    fine = overall(runs[runs["gps"] == gps.levels[0]], f"ekf.{TOTAL}")[0]
-    mean = overall(runs, f"ekf.{TOTAL}")[0]
     return [
-        Text(f"The paper calls them average values and does not say over what; they obey e_tot² = "
-             f"e_x² + e_y² + e_z², as RMS errors do, and so ours are RMS errors of a run, then "
-             f"averaged. The favourable point: {favourable_in_words()}."),
-        compared(f"Table {table} and the favourable point, mean of {len(numbers.points[n])} runs",
-                 point),
+        Text("The paper calls them average values and does not say over what. They obey e_tot² = "
+             "e_x² + e_y² + e_z², as RMS errors do. Ours are therefore RMS errors of a run, "
+             f"averaged over runs. The favourable point: {favourable_in_words()}."),
+        point_errors(n, numbers.points[n]),
         *_possible(n),
-        Text(reading),
-        compared(
-            f"Table {table} and the mean over all {len(numbers.studies[n].points.values)} points",
-            whole),
-        Text(f"The table is no average over all levels: ours is {mean / theirs['total']:.2g} times "
-             f"as large, and {fine:.2g} m even over the half of the points with the small GPS "
-             "error. In no reading of what the paper leaves open that was tried does such an "
-             "average come near it."),
+        errors_of_all(n, numbers.runs[n]),
     ]
 
 

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import ast
 import re
+from base64 import b64decode
+from dataclasses import replace
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 import html5lib
@@ -16,10 +20,22 @@ from sblcosim.analysis.two_level.analysis import analyse
 from sblcosim.analysis.two_level.ranking import ranking
 from sblcosim.catalogue import by_name
 from sblcosim.data.record import Record
+from sblcosim.errors import ConfigurationError
 from sblcosim.report import paper
 from sblcosim.report import two_level as factorial
-from sblcosim.report.page import Code, Page, PagePicture, PageTable, Section, Text, inline, render
+from sblcosim.report.page import (
+    Code,
+    Page,
+    PagePicture,
+    PageTable,
+    Section,
+    Text,
+    brief,
+    inline,
+    render,
+)
 from sblcosim.report.paper.figures import FIGURES, plot_waves
+from sblcosim.scenario.scenario import load
 from sblcosim.study import study
 from synthetic_record import make_record
 
@@ -182,6 +198,72 @@ def test_the_paper_s_total_errors_are_rms_like() -> None:
         assert total == pytest.approx(known["total"], abs=0.01)
 
 
+def test_the_gallery_s_point_is_the_favourable_one() -> None:
+    found = 0
+    for path in (Path(__file__).parents[3] / "docs" / "gallery").glob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "point":
+                number = int(path.stem.removeprefix("figure_"))
+                name = f"paper-scenario-{paper.facts_of_figure(number)['scenario']}"
+                point = load(name, ast.literal_eval(node.value)).given()
+                assert point == load(name, paper.FAVOURABLE.items()).given(), path
+                found += 1
+    assert found == 6
+
+
+@pytest.mark.parametrize("number", [figure["number"] for figure in paper.facts()["figure"]])
+def test_what_the_paper_states_is_beside_ours(number: int) -> None:
+    states = paper.facts_of_figure(number).get("states", {})
+    if not states:
+        with pytest.raises(ConfigurationError, match="must be 9 or 11 or 12, got"):
+            paper.beside(number)
+        return
+    rows = paper.beside(number).rows
+    assert [row[0] for row in rows] == [*states]
+    assert [float(row[1].replace(",", "")) for row in rows] == [*map(float, states.values())]
+    assert {row[-1] for row in rows} == {"equal"}
+
+
+def of_runs(**errors: float) -> pd.DataFrame:
+    """Runs with errors around these, at two points."""
+    noise = np.random.default_rng(2).normal(1, 0.01, 40)
+    columns = {f"ekf.{name}_rms_m": value * noise for name, value in errors.items()}
+    about = {"point": np.repeat([1, 2], 20), "gps": np.repeat([0.1, 3.5], 20)}
+    return pd.DataFrame({**about, **columns})
+
+
+@pytest.mark.parametrize(("n", "figure"), [(1, 14), (2, 21), (3, 27)])
+def test_the_table_of_errors_of_a_scenario_is_beside_ours(n: int, figure: int) -> None:
+    known = paper.facts()[f"table{n + 3}"]
+    runs = of_runs(absolute_x=known["x"], absolute_y=2 * known["y"], absolute_z=known["z"],
+                   absolute_total=known["total"], relative_total=1.0)  # fmt: skip
+    shown = paper.beside(figure, runs)
+    assert [float(row[1]) for row in shown.rows[:4]] == [known[a] for a in ("x", "y", "z", "total")]
+    assert [float(row[4]) for row in shown.rows[:4]] == pytest.approx([1, 2, 1, 1], abs=0.01)
+    assert ("not a proof" in shown.note) == (n == 1)
+    assert ("was chosen for Scenario 1" in shown.note) == (n > 1)
+    over_all = paper.beside(figure + 3, runs)
+    assert [row[:2] for row in over_all.rows] == [row[:2] for row in shown.rows[:4]]
+    assert over_all.caption == f"Table {n + 3} and the mean over all 2 points"
+    assert "no average over all levels" in over_all.note
+
+
+def test_the_factors_that_the_paper_names_are_beside_ours() -> None:
+    factors = {"gps": "GPS error", "baseline": "baseline", "sampling_time": "sampling time"}
+    runs = table({"gps": 8, "arm": -5, "loss": 1}).rename(
+        columns={"arm": "baseline", "loss": "sampling_time"}
+    )
+    shown = paper.beside(15, replace(analyse(runs, list(factors), "y"), labels=factors))
+    assert [row[:3] for row in shown.rows] == [
+        ("GPS error", "named", "1"), ("baseline", "named", "2"), ("sampling time", "named", "3")
+    ]
+    assert "Verdict: agrees." in shown.note
+    with pytest.raises(ConfigurationError, match="number: must be 15 or 22 or 28, got 14"):
+        paper.beside(14, analyse(runs, list(factors), "y"))
+    with pytest.raises(ConfigurationError, match="number: must be 11 or 14 or 21 or 27 or 17"):
+        paper.beside(15, runs)
+
+
 def test_pooled_statistics_are_those_of_all_samples() -> None:
     samples = [np.array([1.0, 2.0, 4.0]), np.array([3.0])]
     runs = pd.DataFrame(
@@ -227,7 +309,11 @@ def page() -> Page:
         Text("a < b & c", "answer"), Code("sblcosim <x>"), picture(),
         PageTable("T", ("A", "B"), [("x", "1"), ("<y>", "2")], note="note"),
     ]
-    parts = [Section("T", "t", [picture("two")]), Section("F", "f", [Code("deep")], folded=True)]
+    parts = [
+        Section("T", "t", [picture("two")], beside=True), Section("U", "u", beside=True),
+        Section("F", "f", [Code("deep")], folded=True),
+        Section("P", "p", [picture("small"), Text("below")], folded=True),
+    ]
     return Page("Title & more", "Lead", [Section("S", "s", blocks, parts)], "foot")
 
 
@@ -243,13 +329,62 @@ def test_a_page_is_valid_html_and_keeps_the_text() -> None:
 def test_of_a_folded_section_the_heading_is_seen_and_its_anchor_is_within() -> None:
     """A browser opens it for a link to something inside, and not for one to itself."""
     tree = html5lib.parse(render(page()), namespaceHTMLElements=False)
-    (folded,) = tree.iter("details")
+    folded = next(tree.iter("details"))
     assert folded.get("open") is None
     assert folded.find("summary/h3").text == "F"
     inner = folded.find("div")
     assert inner.get("id") == "f"
     assert inner.find("pre/code").text == "deep"
-    assert tree.find(".//section/section/h3").text == "T"
+    assert tree.find(".//section/div/section/h3").text == "T"
+
+
+def test_a_folded_picture_is_seen_small_and_opens_its_section() -> None:
+    tree = html5lib.parse(render(page()), namespaceHTMLElements=False)
+    _, folded = tree.iter("details")
+    summary, below = folded.find("summary"), folded.find("div")
+    assert summary.find("h3").text == "P"
+    (drawing,) = summary.findall("span[@class='picture']")
+    assert drawing.get("id") == "small"
+    assert len([e for e in drawing.iter() if str(e.tag).endswith("svg")]) == 1
+    assert not [e for e in below.iter() if str(e.tag).endswith("svg")]  # it is there once
+    captions = ["".join(p.itertext()).partition(" (")[0] for p in below.iter("p")]
+    assert captions == ["A caption", "below"]
+
+
+def test_parts_of_a_kind_stand_together() -> None:
+    tree = html5lib.parse(render(page()), namespaceHTMLElements=False)
+    rows = [(e.get("class"), len(e)) for e in tree.findall(".//main/section/div")
+            if e.get("class") in ("beside", "below", "small")]
+    assert rows == [("beside", 2), ("below", 1), ("small", 1)]
+
+
+def test_a_notebook_shows_the_figures_of_a_report() -> None:
+    text = brief(page())
+    tree = html5lib.HTMLParser(strict=True, namespaceHTMLElements=False).parseFragment(text)
+    assert [h.text for h in tree.iter("h4")] == ["Title & more"]
+    assert [p.text for p in tree.iter("p")] == ["a < b & c"]  # answers
+    images = {e.get("alt"): e for e in tree.iter("img")}
+    assert {*images} == {'Bars, "quoted" & more'}
+    (row,) = tree.findall("div")
+    assert len(row.findall("img")) == 2  # what is open in the report
+    (folded,) = tree.findall("details")
+    assert folded.find("summary").text == "P"
+    head, _, data = folded.find("img").get("src").partition(",")
+    assert head == "data:image/svg+xml;base64"
+    assert b64decode(data).decode() == picture("small").svg
+
+
+def test_a_table_prints_and_shows_itself() -> None:
+    shown = PageTable("What", ("Name", "Number", "Words"), [("a", "1", "x <y>"), ("b", "20", "z")],
+                      (2,), "A note.")  # fmt: skip
+    assert str(shown) == (
+        "What\n\nName  Number  Words\na          1  x <y>\nb         20  z\n\nA note."
+    )
+    tree = html5lib.parseFragment(shown._repr_html_(), namespaceHTMLElements=False)
+    assert [td.text for td in tree.iter("td")] == ["a", "1", "x <y>", "b", "20", "z"]
+    assert [p.text for p in tree.iter("p")] == ["A note."]
+    assert "<p>" not in replace(shown, note="")._repr_html_()
+    assert str(replace(shown, note="")).endswith("z")
 
 
 def test_what_is_folded_is_printed() -> None:
