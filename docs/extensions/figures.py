@@ -15,8 +15,6 @@ from sblcosim.style import THEMES, svg
 
 MOST_POINTS = 2000
 """Points of a cloud that are drawn one by one; more become a picture."""
-STUDIES = ("Pareto", "interactions", "main effects", "residuals")
-"""Words in the titles of the figures of a study."""
 IMAGE = """
 .. container:: figure only-{theme}
 
@@ -54,16 +52,11 @@ def scraper(
 
 
 def in_the_paper(title: str) -> str:
-    """What the paper says at a figure, below ours; and for a study, how to change it."""
+    """What the paper says of a figure, below ours."""
     number = int(title.removeprefix("Figure ").partition(":")[0])
     facts = facts_of_figure(number)
-    values = [f"{name}: {value:g}" for name, value in facts.get("states", {}).items()]
-    said = "; ".join(filter(None, [facts.get("says", ""), *values]))
-    text = f"\n**In the paper** (section {facts['section']}): {facts['shows']}"
-    text += f". It says: {said}.\n" if said else ". It prints no numbers with it.\n"
-    if any(word in title for word in STUDIES):
-        text += "\n:doc:`Change a level or a factor in a notebook </docs/howto/gallery>`.\n"
-    return text
+    text = f"\n**In the paper** (section {facts['section']}): {facts['shows']}."
+    return f"{text} It says: {facts['says']}.\n" if "says" in facts else f"{text}\n"
 
 
 def darkened(drawing: str) -> str:

@@ -8,6 +8,7 @@ waves. Ours follow from the wave height.
 """
 
 import sblcosim
+from sblcosim.report import paper
 
 slight = {"platform.beaufort": 2, "time.duration_s": 60.0}
 sblcosim.run("harbour-square", overrides=slight).plot_inclination()
@@ -16,3 +17,12 @@ sblcosim.run("harbour-square", overrides=slight).plot_inclination()
 # And at Beaufort 4:
 moderate = {"platform.beaufort": 4, "time.duration_s": 60.0}
 sblcosim.run("harbour-square", overrides=moderate).plot_inclination()
+
+# %%
+# The settings that the paper states, beside ours:
+print(paper.beside(9))
+
+# %%
+# To see another sea, change the Beaufort number:
+rough = slight | {"platform.beaufort": 6}
+sblcosim.run("harbour-square", overrides=rough).plot_inclination()

@@ -19,3 +19,8 @@ point = {
 }
 run = sblcosim.run("paper-scenario-1", overrides=point)
 run.plot_axes()
+
+# %%
+# To change a level, change its key. Here the GPS error has the high level of Table 3, 3.5 m:
+coarse = point | {"platform.gps_horizontal_std_m": 3.5}
+sblcosim.run("paper-scenario-1", overrides=coarse).plot_axes()

@@ -10,6 +10,7 @@ arms, and a ping every 0.1 s. These keys change the shipped scenario to this poi
 """
 
 import sblcosim
+from sblcosim.report import paper
 
 point = {
     "target.speed_m_s": 0.3,
@@ -20,3 +21,13 @@ point = {
 }
 run = sblcosim.run("paper-scenario-1", overrides=point)
 run.plot_errors()
+
+# %%
+# The paper's Table 4, beside the mean of 50 such runs:
+runs = sblcosim.run_many("paper-scenario-1", "ekf", point, runs=50).tables["runs"]
+print(paper.beside(14, runs))
+
+# %%
+# To change a level, change its key. Here the GPS error has the high level of Table 3, 3.5 m:
+coarse = point | {"platform.gps_horizontal_std_m": 3.5}
+sblcosim.run("paper-scenario-1", overrides=coarse).plot_errors()

@@ -10,8 +10,20 @@ are not repeated: the pages of Scenario 1 share their runs.
 """
 
 import sblcosim
+from sblcosim.report import paper
 
 folder = "studies/paper-scenario-1"
 study = sblcosim.study.load("paper-scenario-1").with_replicates(10)
 study.run(folder)
+sblcosim.analysis.of_study(folder).plot_pareto()
+
+# %%
+# The factors that the paper names as the most influential, beside our effects:
+print(paper.beside(15, sblcosim.analysis.of_study(folder)))
+
+# %%
+# To change a level or leave out a factor, change the study. Here the large GPS error is 1 m instead
+# of 3.5 m, and the IMU is no factor:
+folder = "studies/finer-gps-1"
+study.with_levels(gps=[0.1, 1.0]).without("imu").run(folder)
 sblcosim.analysis.of_study(folder).plot_pareto()

@@ -16,3 +16,10 @@ folder = "studies/paper-scenario-1"
 study = sblcosim.study.load("paper-scenario-1").with_replicates(10)
 study.run(folder)
 sblcosim.analysis.of_study(folder).plot_residuals()
+
+# %%
+# To change a level or leave out a factor, change the study. Here the large GPS error is 1 m instead
+# of 3.5 m, and the IMU is no factor:
+folder = "studies/finer-gps-1"
+study.with_levels(gps=[0.1, 1.0]).without("imu").run(folder)
+sblcosim.analysis.of_study(folder).plot_residuals()

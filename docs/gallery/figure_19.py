@@ -15,3 +15,8 @@ plot_path(run.record, {})
 # %%
 # In space:
 plot_path_3d(run.record, {})
+
+# %%
+# To change the spiral, change its keys. Here it has four turns instead of two:
+tight = sblcosim.run("paper-scenario-2", overrides={"target.turns": 4.0})
+plot_path(tight.record, {})

@@ -10,8 +10,20 @@ are not repeated: the pages of Scenario 2 share their runs.
 """
 
 import sblcosim
+from sblcosim.report import paper
 
 folder = "studies/paper-scenario-2"
 study = sblcosim.study.load("paper-scenario-2").with_replicates(10)
 study.run(folder)
+sblcosim.analysis.of_study(folder).plot_main_effects()
+
+# %%
+# The mean over all levels, beside the paper's Table 5:
+print(paper.beside(24, sblcosim.study.table(folder)))
+
+# %%
+# To change a level or leave out a factor, change the study. Here the large GPS error is 1 m instead
+# of 3.5 m, and the IMU is no factor:
+folder = "studies/finer-gps-2"
+study.with_levels(gps=[0.1, 1.0]).without("imu").run(folder)
 sblcosim.analysis.of_study(folder).plot_main_effects()

@@ -11,3 +11,8 @@ from sblcosim.results.figures.run import plot_path_3d
 
 run = sblcosim.run("paper-scenario-3")
 plot_path_3d(run.record, {})
+
+# %%
+# Another seed draws another path:
+other = sblcosim.run("paper-scenario-3", overrides={"seed": 2})
+plot_path_3d(other.record, {})

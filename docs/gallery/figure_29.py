@@ -15,3 +15,10 @@ folder = "studies/paper-scenario-3"
 study = sblcosim.study.load("paper-scenario-3").with_replicates(10)
 study.run(folder)
 sblcosim.analysis.of_study(folder).plot_interactions()
+
+# %%
+# To change a level or leave out a factor, change the study. Here the large GPS error is 1 m instead
+# of 3.5 m, and the IMU is no factor:
+folder = "studies/finer-gps-3"
+study.with_levels(gps=[0.1, 1.0]).without("imu").run(folder)
+sblcosim.analysis.of_study(folder).plot_interactions()

@@ -22,6 +22,8 @@ from sblcosim import analysis, limits, study
 from sblcosim.cli import app
 from sblcosim.cli.documents.by_command import DOCUMENTS, schema
 from sblcosim.judge.columns import TABLES
+from sblcosim.judge.definitions import AXES
+from sblcosim.report.paper.numbers import facts_of_errors, facts_of_figure
 from sblcosim.results import more
 from sblcosim.results.responses import RESPONSES
 from sblcosim.scenario.scenario import Scenario, load
@@ -153,6 +155,8 @@ def test_the_site_is_built_and_whole(tmp_path: Path, drawn: Path) -> None:
     site = built(tmp_path, drawn)
     every_document_is_a_page(site)
     every_page_of_the_gallery_has_its_figure(site)
+    every_number_of_the_paper_is_beside_ours(site)
+    the_last_lines_of_a_page_change_its_figure(site)
     every_key_of_a_scenario_is_in_the_reference(site)
     every_command_and_option_is_in_the_reference(site)
     every_document_of_json_is_in_the_reference(site)
@@ -182,11 +186,50 @@ def every_page_of_the_gallery_has_its_figure(site: Site) -> None:
     for path in DOCS.glob("gallery/*.py"):
         html = site.pages[site.folder / "docs" / "made" / "gallery" / f"{path.stem}.html"]
         shown = [Path(part).name for part in html.parts if "sphx_glr" in part]
-        blocks = sum(line == "# %%" for line in path.read_text().splitlines()) + 1
+        drawn = [block for block in blocks(path) if drawing(block)]
         assert sorted(shown) == sorted(
             f"sphx_glr_{path.stem}_{n:03}{theme}.svg"
-            for n in range(1, blocks + 1) for theme in ("", "-dark")
+            for n in range(1, len(drawn) + 1) for theme in ("", "-dark")
         )  # fmt: skip
+
+
+def blocks(path: Path) -> list[str]:
+    """The blocks of code of a page of the gallery."""
+    return path.read_text("utf-8").partition('\n"""\n')[2].split("# %%")
+
+
+def drawing(block: str) -> bool:
+    """Whether a block shows a figure."""
+    return "plot_" in block.strip().splitlines()[-1]
+
+
+WITH_NUMBERS = ("errors along x, y and z, and the total error", "Pareto chart", "main effects")
+"""What figures show that the paper gives errors or influential factors for."""
+
+
+def every_number_of_the_paper_is_beside_ours(site: Site) -> None:
+    for path in DOCS.glob("gallery/*.py"):
+        number = int(path.stem.removeprefix("figure_"))
+        facts = facts_of_figure(number)
+        page = site.folder / "docs" / "made" / "gallery" / f"{path.stem}.html"
+        text = unescape(re.sub(r"<[^>]*>", "", page.read_text("utf-8")))
+        assert ("Paper" in text) == ("states" in facts or facts["shows"] in WITH_NUMBERS), path
+        assert "prints no number" not in text
+        for what, value in facts.get("states", {}).items():
+            assert re.search(rf"{re.escape(what)} +{value:,g} ", text), what
+        if facts["shows"] == WITH_NUMBERS[0]:
+            for axis, error in {**facts_of_errors(facts["scenario"])[1]}.items():
+                if axis in (*AXES, "total"):
+                    symbol = "e_tot" if axis == "total" else f"e_{axis}"
+                    assert re.search(rf"{symbol} \[m\] +{error} ", text), symbol
+
+
+def the_last_lines_of_a_page_change_its_figure(site: Site) -> None:
+    for path in DOCS.glob("gallery/*.py"):
+        assert drawing(blocks(path)[-1]), path
+        drawn = sorted((site.folder / "_images").glob(f"sphx_glr_{path.stem}_???.svg"))
+        assert drawn[-1].read_text("utf-8") != drawn[0].read_text("utf-8")
+        assert len({re.sub(r"_\d{3}\b", "", it.read_text("utf-8")) for it in drawn}) == len(drawn)
 
 
 def every_key_of_a_scenario_is_in_the_reference(site: Site) -> None:
