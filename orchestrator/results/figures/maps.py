@@ -132,7 +132,8 @@ def plot_path_3d(
         north, east, depth = (np.ptp(limit) for limit in limits.values())
         height = max(depth, NARROWEST_3D * max(north, east))
         ax.set_box_aspect((east, north, height), zoom=1.0 if own else 1.3)
-        stretched = f"depth ×{height / depth:.2g}" if height > 1.005 * depth else ""
+        stretch = f"{height / depth:.2g}"
+        stretched = f"depth ×{stretch}" if stretch != "1" else ""
         for line in ax.lines:
             # The box may exceed the clip area of the axes; the layout ignores 3-D positions.
             line.set(clip_on=False, in_layout=False)

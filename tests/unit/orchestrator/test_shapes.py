@@ -84,3 +84,8 @@ def test_the_time_axis_has_the_unit_of_the_duration(name, unit):
     seconds = {"s": 1, "min": 60, "h": 3600}[unit]
     words = ax.xaxis.get_major_formatter().format_ticks(ticks)
     np.testing.assert_allclose([float(w) * seconds for w in words], ticks, atol=1e-9)
+
+
+def test_a_depth_that_is_drawn_nearly_to_scale_is_not_called_stretched():
+    ax = plots.plot_path_3d(*run_of(SHAPES["line_2_m"]))
+    assert "depth" not in ax.get_title(loc="left") + (ax.figure.get_suptitle() or "")
