@@ -18,7 +18,7 @@ from typing import Any
 from sblcosim.cli.common.app import app
 from sblcosim.cli.documents.by_command import DOCUMENTS, schema
 from sblcosim.models import COMPONENTS, RECEIVERS
-from sblcosim.models.declaration import INT32_MAX, UNITS, Component, Condition, Variable
+from sblcosim.models.declaration import INT32_MAX, Component, Condition, Variable
 from sblcosim.models.settings.assumptions import SOURCES
 from sblcosim.models.settings.keys import default, in_file_units
 from sblcosim.results import more
@@ -31,6 +31,7 @@ from sblcosim.scenario.schema import (
     rows,
     toml,
 )
+from sblcosim.scenario.units import unit_of
 from typer.main import get_command
 
 # --- Keys of scenario files ----------------------------------------------------------------------
@@ -131,8 +132,8 @@ def _facts_of(name: str) -> Iterator[tuple[str, str]]:
     said = _schema(table).model_json_schema()["properties"][key]
     kinds = [kind for kind in said.get("anyOf", ()) if kind != {"type": "null"}]
     said = (kinds[0] if len(kinds) == 1 else {}) | said
-    if key.endswith("_s"):
-        yield "Unit", "s"
+    if unit_of(key):
+        yield "Unit", unit_of(key)
     if "enum" in said:
         yield "One of", ", ".join(f"`{toml(value)}`" for value in said["enum"])
     if name in FOLLOWS:
@@ -149,9 +150,7 @@ def _followed(name: str) -> str:
 
 
 def _unit(component: Component, variable: Variable) -> str:
-    if variable.unit is None:
-        return ""
-    return UNITS[variable.unit].name.replace("rad", "°").replace("2", "²").replace("s3", "s³")
+    return unit_of(variable.key)
 
 
 def _choices(component: Component, variable: Variable) -> str:

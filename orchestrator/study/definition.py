@@ -17,6 +17,7 @@ from ..scenario import effects
 from ..scenario.scenario import Scenario
 from ..scenario.scenario import load as load_scenario
 from ..scenario.schema import SEED, Name, Table
+from ..scenario.units import unit_of
 from ..simulation.code.user_code import PythonSource, check
 from . import design as designs
 from . import drawn
@@ -280,16 +281,9 @@ class Definition(Table):
         return nanoseconds(self.settling_time_s)
 
 
-UNITS = {
-    "_deg_s": "°/s", "_deg_K": "°/K", "_K_s": "K/s", "_m_s": "m/s", "_m2_s3": "m²/s³",
-    "_s_s": "s/s", "_deg": "°", "_Hz": "Hz", "_K": "K", "_m": "m", "_s": "s",
-}
-"""Units by suffix of the key, longer suffixes first."""
-
-
 def _unit(keys: Sequence[str]) -> str:
     """The common unit of some keys; empty if they have different ones."""
-    units = {next((UNITS[end] for end in UNITS if key.endswith(end)), "") for key in keys}
+    units = {*map(unit_of, keys)}
     return units.pop() if len(units) == 1 else ""
 
 
