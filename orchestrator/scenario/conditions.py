@@ -32,7 +32,7 @@ def conditions(scenario: Scenario) -> list[str]:
     platform = scenario.platform
     if platform.fmu is not None:
         return [f"platform of {Path(platform.fmu).name}"]
-    return [*_sea(platform), *_gps(platform), *_heading(platform), *_survey(platform)]
+    return [*sea(platform), *gps(platform), *_heading(platform), *_survey(platform)]
 
 
 def _holds(platform: Any, name: str) -> bool:
@@ -44,7 +44,7 @@ def _holds(platform: Any, name: str) -> bool:
     )
 
 
-def _sea(platform: Any) -> Iterator[str]:
+def sea(platform: Any) -> Iterator[str]:
     """The sea state, and amplitudes that are not its own."""
     known: set[str] = set()
     if _holds(platform, "beaufort"):
@@ -71,7 +71,7 @@ def _amplitudes(
         yield f"{listed(some)} of ±{figure(size)}{unit}"
 
 
-def _gps(platform: Any) -> Iterator[str]:
+def gps(platform: Any) -> Iterator[str]:
     """The grade, or the sizes of the errors; nothing where the beacons need none."""
     if errors_of(platform) == "survey":
         return

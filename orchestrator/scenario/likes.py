@@ -1,43 +1,20 @@
-"""Systems as people have them, to begin a scenario with, and what to ask of each."""
+"""Systems as people have them, to begin a scenario with, and what is asked about each.
+
+Reading this module takes no time, as every command does it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ..errors import ConfigurationError, nearest
-from ..words.lists import listed
-
-
-@dataclass(frozen=True)
-class KnownNumber:
-    """One number of a system that its owner knows.
-
-    Attributes
-    ----------
-    key
-        Of a scenario, with its table.
-    asks
-        What to ask, with the unit; ``{}`` stands for its choices.
-    choices
-        What there is to choose from; not looked up before it is asked, as commands wait for it.
-    """
-
-    key: str
-    asks: str
-    choices: Callable[[], str] = str
-
-    @property
-    def text(self) -> str:
-        """What to ask, with the unit."""
-        choices = self.choices()
-        return self.asks.format(choices) if choices else self.asks
+from ..errors import ConfigurationError
 
 
 @dataclass(frozen=True)
 class Like:
-    """A system.
+    """A system. What is asked about it follows from its beacons and its path.
 
     Attributes
     ----------
@@ -49,27 +26,55 @@ class Like:
 
     about: str
     source: str | Mapping[str, Any]
-    questions: tuple[KnownNumber, ...]
 
 
-def _grades() -> str:
-    from sblcosim.models.platform.gps import GRADES
+@dataclass(frozen=True)
+class Asked:
+    """A question about a system; `DECISIONS` in ``decisions.py`` read the answers.
 
-    return listed([*GRADES], "or")
+    Attributes
+    ----------
+    name
+        Its name, also of the option.
+    about
+        What it decides, in a sentence.
+    example
+        An answer.
+    """
+
+    name: str
+    about: str
+    example: str
 
 
-def _levels() -> str:
-    from sblcosim.models.platform.beaufort import LEVELS
-
-    return f"{min(LEVELS)} to {max(LEVELS)}"
-
-
-_ARM = KnownNumber("platform.arm_length_m", "Length of its arms [m]")
-_BEACONS = "Where the {} are: forward, right and down of {} [m], as [[x, y, z], ...]"
-_PING = KnownNumber("time.sampling_time_s", "Time from ping to ping [s]")
-_SPEED = KnownNumber("target.speed_m_s", "How fast the diver swims [m/s]")
-_GPS = KnownNumber("platform.gps_grade", "The GPS: {}", _grades)
-_SEA = KnownNumber("platform.beaufort", "The sea [Beaufort, {}]", _levels)
+ASKED: Mapping[str, Asked] = {
+    it.name: it
+    for it in (
+        Asked("beacons", "Where the beacons are. The farther apart, the better.",
+              "2 1 0.5; 2 -1 0.5; -2 0 1.5"),
+        Asked("mounting", "How well the positions of the beacons are known.", "0.05 m"),
+        Asked("gps", "How good the GPS is. Its errors shift the estimates.", "rtk"),
+        Asked("compass", "How good the compass is. Its errors turn the estimates about the "
+              "platform.", "5 deg"),
+        Asked("sea", "How rough the sea is. Waves move the platform with its beacons.",
+              "Beaufort 3"),
+        Asked("pings", "How often a beacon pings. More ranges average out more noise.", "0.5 s"),
+        Asked("path", "Where the diver swims.", "0 0 5; 20 0 8"),
+        Asked("depth", "How deep the diver is.", "5, 10 m"),
+        Asked("speed", "How fast the diver swims, and so how far between pings.", "0.4 m/s"),
+    )
+}  # fmt: skip
+"""What is asked, in this order: an answer may depend on an earlier one."""
+_PLATFORM: Mapping[str, Any] = {
+    "time": {"sampling_time_s": 0.1},
+    "target": {"trajectory": "semicircle", "radius_m": 15.0, "depth_std_m": 0.05},
+    "platform": {
+        "beaufort": 2, "arm_length_m": 3.0, "gps_grade": "standalone",
+        "imu_heading_turn_on_std_deg": 2.0, "imu_tilt_std_deg": 1.0,
+    },
+    "acoustics": {"range_std_m": 0.1, "loss_probability": 0.1},
+    "receiver": {"type": "coupled"},
+}
 _BOAT: Mapping[str, Any] = {
     "title": "Four receivers off a boat",
     "time": {"sampling_time_s": 0.5},
@@ -94,35 +99,19 @@ _BOAT: Mapping[str, Any] = {
 }
 
 LIKES: Mapping[str, Like] = {
+    "platform": Like("a floating platform with four beacons on arms", _PLATFORM),
     "water-linked": Like(
-        "four receivers hung off a boat at different depths; the diver's locator pings",
-        _BOAT,
-        (KnownNumber("platform.beacon_m", _BEACONS.format("receivers", "the boat's middle")),
-         _GPS, _SEA, _PING, _SPEED),
+        "four receivers hung off a boat at different depths; the diver's locator pings", _BOAT
     ),
-    "buoys": Like(
-        "buoys around the dive, each with a GPS of its own",
-        "gps-buoys",
-        (KnownNumber("platform.beacon_m", _BEACONS.format("beacons", "the middle of the buoys")),
-         _GPS, _PING, _SPEED),
-    ),
-    "lbl": Like(
-        "beacons on the bottom, far apart",
-        "harbour-lbl",
-        (KnownNumber("platform.beacon_m", _BEACONS.format("beacons", "the origin")),
-         KnownNumber("platform.mounting_std_m", "How well they are surveyed, per axis [m]"),
-         _PING, _SPEED),
-    ),
-    "paper": Like(
-        "the paper's floating cross of four beacons",
-        "paper-scenario-1",
-        (_ARM, KnownNumber("platform.gps_horizontal_std_m", "White error of its GPS, per axis [m]"),
-         _PING, _SPEED),
-    ),
+    "buoys": Like("buoys around the dive, each with a GPS of its own", "gps-buoys"),
+    "lbl": Like("beacons on the bottom, far apart", "harbour-lbl"),
+    "paper": Like("the paper's floating cross of four beacons", "paper-scenario-1"),
 }
+USUAL = "platform"
+"""The system of a scenario that is begun without a word about it."""
 
 
-def like(name: str) -> Like:
+def like(word: str) -> Like:
     """A system by its name.
 
     Raises
@@ -130,8 +119,9 @@ def like(name: str) -> Like:
     ConfigurationError
         There is none of this name.
     """
-    if name not in LIKES:
-        raise ConfigurationError(
-            f"--like: must be {', '.join(LIKES)}, got {name!r}{nearest(name, LIKES)}"
-        )
-    return LIKES[name]
+    from .typed import name
+
+    try:
+        return LIKES[name(word, LIKES)]
+    except ConfigurationError as error:
+        raise ConfigurationError(f"like: {error}") from None

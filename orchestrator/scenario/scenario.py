@@ -42,6 +42,7 @@ from .schema import (
     Target,
     Time,
     divides,
+    given_of,
     rows,
     table_field,
     toml,
@@ -258,6 +259,12 @@ class Scenario(Table):
         return str(self.__dict__.get("_track", "")) if follows else ""
 
     @property
+    def recorded(self) -> Mapping[str, Any]:
+        """Keys of ``[target]`` for the file whose points the diver follows; empty without one."""
+        own: Mapping[str, Any] = self.__dict__.get("_recorded", {})
+        return own if self.target.trajectory == tracks.FILE else {}
+
+    @property
     def true_prior(self) -> bool:
         """Whether the receivers' prior is the true start."""
         return bool(self.receiver.prior == TRUE)
@@ -306,11 +313,14 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Changes =
         found = tracks.followed(scenario.target, scenario.place)
     except TooFewError as error:
         raise ConfigurationError(cross_check(str(error), where, changed)) from None
-    about = before.get("_track", "") if ("target", "track_m") not in changed else ""
+    kept = ("target", "track_m") not in changed
+    about, recorded = (before.get("_track", ""), before.get("_recorded", {})) if kept else ("", {})
     if found is not None:
+        own = given_of(scenario.target)
+        recorded = {key: own[key] for key in tracks.FILE_KEYS if key in own}
         tables, about = found
         scenario = _validated({**scenario.__dict__["_given"], **tables}, where, changed)
-    scenario.__dict__["_track"] = about
+    scenario.__dict__["_track"], scenario.__dict__["_recorded"] = about, recorded
     if file:
         files.note(scenario.name, file)
     scenario.__dict__["_file"] = file

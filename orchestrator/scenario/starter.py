@@ -3,43 +3,26 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Collection, Mapping
+import warnings
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from sblcosim.models import COMPONENTS
 from sblcosim.models.declaration import Variable
-from sblcosim.models.settings.keys import default, in_file_units
+from sblcosim.models.settings.keys import default
 from sblcosim.models.settings.presets import PRESET_VALUES, PRESETS
 
-from .arrays import most
+from ..errors import ConfigurationError
+from .explained import explained
 from .file_schema import DIRECTIVE, TITLES
+from .likes import LIKES, USUAL
 from .overrides import Changes
-from .scenario import load
-from .schema import COMMON, PATH, TRUE, Table, rows, toml
+from .reading import relative
+from .scenario import Scenario, load
+from .schema import COMMON, FILES, TRUE, Table, rows, toml
 from .tracks import TOLERANCE
 
-_IN_USE: Mapping[str, Any] = {
-    "time": {"sampling_time_s": 0.1, "ekf_ratio": 1, "duration_s": PATH},
-    "target": {
-        "trajectory": "semicircle",
-        "speed_m_s": 0.5,
-        "radius_m": 15.0,
-        "depth_start_m": 5.0,
-        "depth_end_m": 5.0,
-        "depth_std_m": 0.05,
-    },
-    "platform": {
-        "beaufort": 2,
-        "arm_length_m": 3.0,
-        "gps_horizontal_std_m": 0.1,
-        "gps_horizontal_markov_std_m": 1.0,
-        "imu_tilt_std_deg": 1.0,
-        "imu_heading_std_deg": 1.0,
-    },
-    "acoustics": {"range_std_m": 0.1, "loss_probability": 0.1},
-    "receiver": {"type": "coupled"},
-}
 _EXAMPLES: Mapping[str, Any] = {
     "fmu": "other.fmu",
     "fmi": 2,
@@ -58,10 +41,20 @@ _EXAMPLES: Mapping[str, Any] = {
 """Example values for keys without a default."""
 
 
+Tables = dict[str, dict[str, Any]]
+"""Keys by table."""
+
+
 def starter(
-    name: str, source: str | Path | Mapping[str, Any] | None = None, changes: Changes = ()
+    name: str,
+    source: str | Path | Mapping[str, Any] | Scenario | None = None,
+    changes: Changes = (),
+    *,
+    asked: Collection[str] = (),
+    short: bool = False,
+    folder: Path | None = None,
 ) -> str:
-    """Text of a new scenario file: all keys with descriptions, the unused ones commented out.
+    """Text of a new scenario file: keys with descriptions and units.
 
     Parameters
     ----------
@@ -72,38 +65,122 @@ def starter(
         Scenario whose given keys are used; None: a simple one.
     changes
         Keys to change in it.
+    asked
+        Keys that are in use even with their defaults.
+    short
+        Only the keys in use that are asked for or make a difference. Otherwise all keys, the unused
+        ones commented out.
+    folder
+        Folder of the future file, to which paths become relative.
 
     Raises
     ------
     ConfigurationError
         `source` cannot be loaded.
     """
-    scenario = load(_IN_USE if source is None else source, changes)
-    given = scenario.given()
+    scenario = load(LIKES[USUAL].source if source is None else source, changes)
+    tables = _in_use(scenario, asked)
+    if short:
+        tables = _needed(scenario, tables, asked)
+    if folder is not None:
+        tables = {table: _relative(keys, folder) for table, keys in tables.items()}
     lines = [
         DIRECTIVE,
         "# A scenario for sblcosim. Keys end with their unit; angles are in degrees.",
-        "# What is commented out shows what holds without it, or an example.",
-        "",
-        f"# name = {toml(name)}  # that of the file; also of the folder of results",
-        f"title = {toml(scenario.title)}",
-        f"seed = {scenario.seed}  # of all random numbers",
-        f"fmi = {scenario.fmi}  # version of the standard that the components follow: 2 or 3",
+        f"# {_REST[short]}",
     ]
-    for table_name, title in TITLES.items():
-        table = getattr(scenario, table_name)
-        fields = type(table).model_fields
-        in_use = given.get(table_name, {})
-        lines += ["", "", f"# {title}.", f"[{table_name}]"]
-        for key in sorted(fields, key=lambda key: key in COMMON):
-            variable = table.variables.get(key)
-            value = getattr(table, key) if in_use.get(key) is None else in_use[key]
-            if value is None or value == ():
-                value = _example(key, fields[key].annotation, variable)
-            text = f"{fields[key].description}{_range(variable)}.{_governed(table, key, in_use)}"
-            lines += textwrap.wrap(text, 98, initial_indent="# ", subsequent_indent="#   ")
-            lines.append(f"{'' if key in in_use else '# '}{key} = {toml(rows(variable, value))}")
-    return "\n".join(lines) + "\n"
+    parts = [[*_head(name, scenario, short)]]
+    for table, title in TITLES.items():
+        keys = [*_keys(scenario, table, tables[table], short)]
+        parts.append([f"# {title}.", f"[{table}]", *keys] if keys else [])
+    return "\n\n".join("\n".join(part) for part in (lines, *parts) if part) + "\n"
+
+
+_REST = {
+    True: "Keys that are left out have their defaults; 'sblcosim new --all' writes all of them.",
+    False: "What is commented out shows what holds without it, or an example.",
+}
+
+
+def _in_use(scenario: Scenario, asked: Collection[str]) -> Tables:
+    """The keys that are given or asked for; a recorded track is its file if that says all."""
+    given = scenario.given()
+    tables: Tables = {table: dict(given.get(table, {})) for table in TITLES}
+    for table, key in (it.split(".") for it in asked):
+        tables[table].setdefault(key, getattr(getattr(scenario, table), key))
+    if scenario.recorded:
+        target = {k: v for k, v in tables["target"].items() if k not in _POINTS}
+        for place in ({}, tables["place"]):
+            as_file = {**tables, "target": {**target, **scenario.recorded}, "place": place}
+            if _is(scenario, as_file):
+                return as_file
+    return tables
+
+
+_POINTS = ("track_time_s", "track_m", "track_count")
+
+
+def _needed(scenario: Scenario, tables: Tables, asked: Collection[str]) -> Tables:
+    """Tables without the keys that make no difference; those that are asked for stay."""
+    for table, keys in tables.items():
+        for key in [key for key in keys if f"{table}.{key}" not in asked]:
+            fewer = {**tables, table: {k: v for k, v in tables[table].items() if k != key}}
+            if _is(scenario, fewer):
+                tables = fewer
+    return tables
+
+
+def _is(scenario: Scenario, tables: Tables) -> bool:
+    """Whether tables alone are those of a scenario."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            loaded = load({**_top(scenario), **tables})
+    except ConfigurationError:
+        return False
+    return loaded.model_dump() == scenario.model_dump()
+
+
+def _relative(keys: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """The keys of a table, with paths relative to a folder."""
+    return {
+        key: relative(Path(value), folder) if key in FILES else value for key, value in keys.items()
+    }
+
+
+def _top(scenario: Scenario) -> dict[str, Any]:
+    """The keys that are in no table."""
+    return {key: getattr(scenario, key) for key in Scenario.model_fields if key not in TITLES}
+
+
+def _head(name: str, scenario: Scenario, short: bool) -> Iterator[str]:
+    """The lines of the keys that are in no table."""
+    about = {
+        "name": "that of the file; also of the folder of results",
+        "title": "above tables and figures",
+        "seed": "of all random numbers",
+        "fmi": "version of the standard that the components follow: 2 or 3",
+    }
+    for key, value in (_top(scenario) | {"name": name}).items():
+        unused = "# " if key == "name" else ""
+        if not short or (not unused and value != Scenario.model_fields[key].default):
+            yield f"{unused}{key} = {toml(value)}  # {about[key]}"
+
+
+def _keys(scenario: Scenario, name: str, in_use: Mapping[str, Any], short: bool) -> Iterator[str]:
+    """The lines of a table."""
+    table = getattr(scenario, name)
+    fields = type(table).model_fields
+    for key in sorted(fields, key=lambda key: key in COMMON):
+        if short and key not in in_use:
+            continue
+        variable = table.variables.get(key)
+        value = getattr(table, key) if in_use.get(key) is None else in_use[key]
+        if value is None or value == ():
+            value = _example(key, fields[key].annotation, variable)
+        text = f"{explained(name, key)}.{_governed(table, key, in_use)}"
+        yield from textwrap.wrap(text, 98, initial_indent="# ", subsequent_indent="#   ")
+        yield f"{'' if key in in_use else '# '}{key} = {toml(rows(variable, value))}"
 
 
 def _governed(table: Table, key: str, given: Collection[str]) -> str:
@@ -114,23 +191,6 @@ def _governed(table: Table, key: str, given: Collection[str]) -> str:
     own = [name for name in keys if name in given]
     kept = f": {', '.join(own)}" if own else ""
     return f" It sets {', '.join(keys)}; of these, what is given wins{kept}."
-
-
-def _range(variable: Variable | None) -> str:
-    """Choices or bounds, in words."""
-    if variable is None:
-        return ""
-    if variable.choices is not None:
-        return ": " + ", ".join(variable.choices.values())
-    if variable.type == "Boolean":
-        return ""
-    low, high = (
-        None if bound is None else f"{in_file_units(variable, bound):g}"
-        for bound in (variable.min, most(variable.max))
-    )
-    if high is None:
-        return "" if low is None else f"; at least {low}"
-    return f"; at most {high}" if low is None else f"; {low} to {high}"
 
 
 def _example(key: str, annotation: Any, variable: Variable | None) -> Any:

@@ -32,6 +32,7 @@ LONG_FUNCTIONS = {
     "calibrate.calibrate": _OPTIONS,
     "cli.commands.areas.map_": _COMMAND,
     "cli.commands.budgets.budget": _COMMAND,
+    "cli.commands.new.new": _COMMAND,
     "cli.commands.requirements.require": _COMMAND,
     "cli.commands.simulate.calibrate": _COMMAND,
     "cli.commands.simulate.run": _COMMAND,

@@ -1,10 +1,7 @@
-"""Commands for scenarios: simulate, smooth, inspect, create, calibrate."""
+"""Commands for scenarios: simulate, smooth, inspect, calibrate."""
 
 from __future__ import annotations
 
-import json
-import re
-import shlex
 import sys
 from contextlib import redirect_stdout
 from pathlib import Path
@@ -13,7 +10,6 @@ from typing import Annotated, Any
 import typer
 
 from ...errors import ConfigurationError, shortened
-from ...scenario import likes
 from ..common import completion
 from ..common.app import (
     FmiOption,
@@ -348,104 +344,3 @@ def receivers(as_json: JsonOption = False) -> None:
     table([*listings.receivers().items()])
     say("or the path of an .fmu file; 'sblcosim check FILE.fmu' says whether it fits")
     say("or FILE.py:CLASS, a class made from sblcosim.Receiver")
-
-
-def _asked(system: likes.Like) -> dict[str, Any]:
-    """Answers to the questions about a system; Enter takes the value in brackets."""
-    from ...scenario.overrides import pairs
-    from ...scenario.scenario import load
-    from ...scenario.schema import rows, toml
-
-    answers: dict[str, Any] = {}
-    for question in system.questions:
-        table, key = question.key.split(".")
-        settings = getattr(load(system.source, answers.items()), table)
-        usual = rows(settings.variables.get(key), getattr(settings, key))
-        while True:
-            said = typer.prompt(question.text, default=toml(usual), type=str)
-            if said == toml(usual):
-                break
-            try:
-                ((_, value),) = pairs([f"{question.key}={said}"])
-                load(system.source, {**answers, question.key: value}.items())
-            except ConfigurationError as error:
-                say(re.sub(r"^override \w+\.", "", str(error), flags=re.MULTILINE))
-                continue
-            answers[question.key] = value
-            break
-    return answers
-
-
-_OTHER_FORMAT = r"\.[^\W\d]\w*"
-"""An end that is not part of the name, as it is in ``dive.1``."""
-
-
-@app.command()
-def new(
-    file: Annotated[Path, typer.Argument(metavar="FILE.toml")],
-    source: Annotated[
-        str | None,
-        typer.Option(
-            "--from",
-            metavar="SCENARIO",
-            help="Begin with the keys of this scenario.",
-            autocompletion=completion.scenarios,
-        ),
-    ] = None,
-    like: Annotated[
-        str | None,
-        typer.Option(
-            "--like",
-            metavar="|".join(likes.LIKES),
-            help="Begin with a system of this kind; on a terminal, its numbers are asked for.",
-            autocompletion=completion.likes,
-        ),
-    ] = None,
-    yes: Annotated[bool, typer.Option("--yes", help="Ask nothing.")] = False,
-    force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
-) -> None:
-    """Write a scenario file to begin with.
-
-    The scenario runs as it is. Its schema is written beside it; editors use it to complete and
-    explain keys.
-    """
-    from ...scenario.starter import starter
-
-    if not re.match(r"\w", file.name):
-        raise ConfigurationError(
-            f"{file}: must have a name that begins with a letter or digit, got {file.name!r}"
-        )
-    if file.suffix != ".toml" and re.fullmatch(_OTHER_FORMAT, file.suffix):
-        raise ConfigurationError(f"{file}: must be a TOML file, FILE.toml, got {file.suffix}")
-    if file.suffix != ".toml":
-        file = file.with_name(f"{file.name}.toml")
-    if like is not None and source is not None:
-        raise ConfigurationError("--like: must come without --from, got both")
-    system = None if like is None else likes.like(like)
-    answers: dict[str, Any] = {}
-    if system is not None and not yes and sys.stdin.isatty():
-        answers = _asked(system)
-    base = source if system is None else system.source
-    _write_new(file, starter(file.stem, base, answers.items()), force)
-
-
-def _write_new(file: Path, text: str, force: bool) -> None:
-    """Write a scenario and the schema that goes with it."""
-    from sblcosim.fmus.files import write_file
-
-    from ...scenario.file_schema import FILE_NAME, scenario_schema
-
-    if not file.parent.is_dir():
-        raise ConfigurationError(f"{file}: must be in a folder that exists, got {file.parent}")
-    schema = file.with_name(FILE_NAME)
-    try:
-        write_file(file, text.encode(), replace=force)
-        write_file(schema, json.dumps(scenario_schema(), indent=1).encode())
-    except FileExistsError:
-        raise ConfigurationError(
-            f"{file}: must not exist yet, got an existing file; --force replaces it"
-        ) from None
-    except OSError as error:
-        raise ConfigurationError(f"{file}: must be writable, got {error.strerror}") from None
-    command = shlex.join(["sblcosim", "run", str(file)])
-    say(f"written to {file}, with {schema.name} for editors beside it; simulate it with: {command}")

@@ -181,11 +181,29 @@ def width() -> int | None:
     return shutil.get_terminal_size().columns if sys.stdout.isatty() else None
 
 
-def say(text: str) -> None:
+def say(text: str, *, err: bool = False) -> None:
     """Print a text that fits the terminal."""
     from ...layout import fitted
 
-    typer.echo(fitted(text, width()))
+    typer.echo(fitted(text, width()), err=err)
+
+
+def ask(what: str) -> str:
+    """What is typed on a terminal, without spaces around it; empty if it is nothing.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        There is no answer, but the end of the input or an interruption.
+    """
+    try:
+        return str(typer.prompt(what, default="", show_default=False, err=True)).strip()
+    except typer.Abort:
+        typer.echo(err=True)
+        raise KeyboardInterrupt from None
+    except UnicodeDecodeError:
+        say("the answer must be UTF-8", err=True)
+        return ask(what)
 
 
 def show(document: Document) -> None:

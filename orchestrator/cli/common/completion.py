@@ -45,6 +45,17 @@ def likes(incomplete: str) -> Offers:
     return starting(((name, it.about) for name, it in LIKES.items()), incomplete)
 
 
+def answers(question: str) -> Callable[[str], Offers]:
+    """Offer the names that answer a question of a new scenario."""
+
+    def offers(incomplete: str) -> Offers:
+        from ...scenario.decisions import DECISIONS
+
+        return starting(((name, "") for name in DECISIONS[question].names), incomplete)
+
+    return offers
+
+
 def receivers(incomplete: str) -> Offers:
     """Offer our receivers."""
     from sblcosim.models import RECEIVERS

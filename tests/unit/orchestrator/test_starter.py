@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import sys
 import tomllib
 import warnings
 from pathlib import Path
@@ -81,41 +80,3 @@ def test_each_system_to_begin_with_runs_as_it_is(name: str, tmp_path: Path) -> N
         result = sblcosim.run(file, overrides={"time.duration_s": 30.0})
     assert result.scenario.name == "mine"
     assert len(result.record.estimates(result.scenario.receiver.type)) > 5
-
-
-def test_questions_are_asked_on_a_terminal_and_asked_again(tmp_path: Path) -> None:
-    """In a real terminal: Enter takes what stands in brackets, and what is wrong is asked again."""
-    pexpect = pytest.importorskip("pexpect")
-    child = pexpect.spawn(
-        sys.executable, ["-m", "sblcosim", "new", "mine.toml", "--like", "lbl"],
-        cwd=str(tmp_path), encoding="utf-8", timeout=300,
-    )
-    child.expect("beacons are.*:")
-    child.sendline("[[0, 0, 9], [50, 0, 9]]")
-    child.expect("must be an array of 3 to 8 rows")
-    assert "\nbeacon_m: " in child.before
-    assert "override" not in child.before
-    child.sendline("[[0, 0, 9], [50, 0, 9], [0, 50, 9]]")
-    child.expect("surveyed.*:")
-    child.sendline("0.1")
-    child.expect("ping.*:")
-    child.sendline("")
-    child.expect("swims.*:")
-    child.sendline("")
-    child.expect(pexpect.EOF)
-    scenario = load(tmp_path / "mine.toml")
-    assert scenario.beacons == 3
-    assert scenario.platform.mounting_std_m == 0.1
-    assert scenario.time == load("harbour-lbl").time
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [(["--like", "bouys"], "did you mean 'buoys'?"),
-     (["--like", "lbl", "--from", "realistic-dive"], "--like: must come without --from")],
-)
-def test_what_is_no_such_system_is_said(options: list[str], words: str, tmp_path: Path) -> None:
-    done = CliRunner().invoke(app, ["new", str(tmp_path / "x.toml"), *options])
-    assert done.exit_code == 2
-    assert words in done.stderr
-    assert not any(tmp_path.iterdir())
