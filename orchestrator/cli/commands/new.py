@@ -14,7 +14,8 @@ import typer
 
 from ...errors import ConfigurationError
 from ...layout import table
-from ...scenario.likes import ASKED, LIKES, USUAL, like
+from ...scenario import likes
+from ...scenario.likes import ASKED, LIKES, USUAL
 from ...words.numbers import quantity
 from ..common import completion
 from ..common.app import app, ask, say, width
@@ -46,7 +47,7 @@ def new(
             autocompletion=completion.scenarios,
         ),
     ] = None,
-    like_: Annotated[
+    like: Annotated[
         str | None,
         typer.Option(
             "--like",
@@ -80,7 +81,7 @@ def new(
     from ...scenario.starter import starter
 
     file = _checked(file, force)
-    if like_ is not None and source is not None:
+    if like is not None and source is not None:
         raise ConfigurationError("--like: must come without --from, got both")
     given = {
         "beacons": beacons, "mounting": mounting, "gps": gps, "compass": compass, "sea": sea,
@@ -90,9 +91,9 @@ def new(
     asking = not yes and sys.stdin is not None and sys.stdin.isatty()
     if asking:
         say("Enter keeps what is in brackets.", err=True)
-    if like_ is None and source is None and asking:
-        like_ = _kind()
-    begin = load(like(like_ or USUAL).source if source is None else source)
+    if like is None and source is None and asking:
+        like = _kind()
+    begin = load(likes.like(like or USUAL).source if source is None else source)
     made = _decided(begin, answers, asking)
     if made.scenario.time.duration_s != begin.time.duration_s:
         end = quantity(made.scenario.time.duration_s, "s")
@@ -167,7 +168,7 @@ def _kind() -> str:
     while True:
         word = ask(f"like [{USUAL}]") or USUAL
         try:
-            like(word)
+            likes.like(word)
         except ConfigurationError as error:
             _tell(error)
         else:

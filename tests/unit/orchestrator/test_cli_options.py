@@ -83,13 +83,21 @@ WRONG: dict[str, tuple[str, ...]] = {
     "source": ("nothing",),
     "like": ("nothing",),
     "beacons": ("2", "9"),
+    "new beacons": ("1, 2", "0"),
+    "new pings": ("0 Hz", "x"),
+    "mounting": ("-1", "5 cm"),
+    "gps": ("rtkk", "3"),
+    "compass": ("-1", "x"),
+    "sea": ("7", "2.5"),
+    "path": ("nothing", "1 2", "no.gpx"),
     "only": ("nothing",),
     "checks": ("nothing",),
     "timeout": ("0",),
     "version": ("3",),
     "svg": ("x.txt",),
 }
-"""Values that no command takes, by parameter; all but the first are tried by the slow tests."""
+"""Values that no command takes, or none of a name, by parameter; all but the first are tried by
+the slow tests."""
 
 
 def commands(group: Any = ROOT, path: tuple[str, ...] = ()) -> Iterator[tuple[str, Any]]:
@@ -112,7 +120,8 @@ def options() -> Iterator[tuple[str, Any]]:
 CASES = [
     pytest.param(name, param.opts[0], value, id=f"{name} {param.opts[0]}={value}",
                  marks=[pytest.mark.slow] if number else [])
-    for name, param in options() for number, value in enumerate(WRONG[param.name])
+    for name, param in options()
+    for number, value in enumerate(WRONG.get(f"{name} {param.name}") or WRONG[param.name])
 ]  # fmt: skip
 
 

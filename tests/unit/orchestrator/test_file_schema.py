@@ -256,7 +256,7 @@ def test_an_editor_finds_the_schema_beside_a_new_scenario(
     assert text.splitlines()[0] == DIRECTIVE
     assert json.loads((tmp_path / FILE_NAME).read_text("utf-8")) == scenario_schema()
     assert taplo(file).returncode == 0
-    file.write_text(text.replace("seed = 1 ", "seed = -1 "), "utf-8")
+    file.write_text(text.replace("speed_m_s = 0.5\n", "speed_m_s = -1\n"), "utf-8")
     wrong = taplo(file)
     assert wrong.returncode != 0
     assert "-1 is less than the minimum of 0" in wrong.stderr
