@@ -3,9 +3,7 @@
 import sys
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import suppress
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -25,16 +23,12 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     is_worker = hasattr(session.config, "workerinput")
     if is_worker or not getattr(option, "numprocesses", None) or option.file_or_dir:
         return
-    from sblcosim.fmus.build.factory import build
+    from sblcosim.fmus.build.factory import Wanted, build_all
     from sblcosim.fmus.errors import BuildError
     from sblcosim.models import COMPONENTS
 
-    with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
-        for fmi in (2, 3):  # the engines of the first are those of the second
-            done = [pool.submit(build, name, fmi) for name in reversed(COMPONENTS)]
-            for each in done:
-                with suppress(BuildError):  # the tests say so
-                    each.result()
+    with suppress(BuildError):  # the tests say so
+        build_all([Wanted(name, fmi) for fmi in (2, 3) for name in COMPONENTS])
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -41,12 +41,17 @@ def fmus(all_platforms: bool = True, versions: Iterable[int] = (2, 3)) -> dict[s
     """All our FMUs, built, by their place among the ready-made files."""
     made: list[tuple[str, dict[str, int]]] = [(name, {}) for name in COMPONENTS]
     made += [("target", {TRACK_POINTS.name: points}) for points in CAPACITIES[1:]]
-    return {
-        f"{factory.key(name, fmi, **constants)}/{file_name(name, **constants)}.fmu":
-            factory.build(name, fmi, all_platforms, **constants)
+    wanted = [
+        factory.Wanted(name, fmi, all_platforms, constants=constants)
         for fmi in versions
         for name, constants in made
-    }
+    ]
+    places = [
+        f"{factory.key(w.name, w.fmi, **w.constants)}/"
+        f"{file_name(w.name, **w.constants)}.fmu"
+        for w in wanted
+    ]
+    return dict(zip(places, factory.build_all(wanted), strict=True))
 
 
 def wheel(out: Path, cc: compiler.Compiler, ready: Mapping[str, Path]) -> None:

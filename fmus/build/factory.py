@@ -7,10 +7,10 @@ import json
 import os
 import tempfile
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache as remember
 from functools import partial
 from importlib import metadata
@@ -27,6 +27,7 @@ from ..files import SEAL, intact, scratch, write_sealed
 from ..platforms import suffix, this_platform
 from ..standard import Fmi
 from . import compiler as compilers
+from .announcing import announced
 from .c_files import HEADERS, LANES, SHELLS, c_files
 from .ingredients import ingredients
 
@@ -42,16 +43,11 @@ READY = Path(__file__).parents[1] / "ready"
 """The folder for ready-made FMUs of a release, in folders named after their `key`."""
 
 
-def build(
-    name: str,
-    fmi: Fmi = 2,
-    all_platforms: bool = False,
-    baked: Component | None = None,
-    **constants: int,
-) -> Path:
-    """Return the FMU of a component, built anew only if it has changed.
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """An FMU to build.
 
-    Parameters
+    Attributes
     ----------
     name
         A key of `sblcosim.models.COMPONENTS`.
@@ -63,13 +59,38 @@ def build(
         The component's declaration with other start values and another default experiment. Such an
         FMU is for other tools: it has no engine for many simulations.
     constants
-        Constants of the build that differ from the usual ones: ``beacons=6``.
+        Constants of the build that differ from the usual ones: ``{"beacons": 6}``.
+    """
+
+    name: str
+    fmi: Fmi = 2
+    all_platforms: bool = False
+    baked: Component | None = None
+    constants: Mapping[str, int] = field(default_factory=dict)
+
+
+def build(
+    name: str,
+    fmi: Fmi = 2,
+    all_platforms: bool = False,
+    baked: Component | None = None,
+    **constants: int,
+) -> Path:
+    """Return the FMU of a component, built anew only if it has changed; see `build_all`."""
+    return build_all([Wanted(name, fmi, all_platforms, baked, constants)])[0]
+
+
+def build_all(wanted: Sequence[Wanted]) -> list[Path]:
+    """Return FMUs of components; those that have changed are built anew, side by side.
+
+    Standard error says which are being built.
 
     Returns
     -------
-    Path
-        ``NAME.fmu``, or ``NAME6.fmu`` if a constant of the build is unusual: the one included in
-        the package, or one in the user's cache, in a folder named after all its sources and tools.
+    list of Path
+        Of each ``NAME.fmu``, or ``NAME6.fmu`` if a constant of the build is unusual: the one
+        included in the package, or one in the user's cache, in a folder named after all its sources
+        and tools.
 
     Raises
     ------
@@ -77,15 +98,27 @@ def build(
         There is no such component, it cannot be made for these constants, CasADi or a compiler is
         missing, or the compiler fails.
     """
-    if baked is None:
-        asked = ("build", name, fmi, all_platforms, *sorted(constants.items()))
-        return unchanged.once(asked, lambda: _built(name, fmi, all_platforms, None, **constants))
-    return _built(name, fmi, all_platforms, baked, **constants)
+    asked = [
+        (w.name, w.fmi, w.all_platforms, repr(w.baked), *sorted(w.constants.items()))
+        for w in wanted
+    ]
+    return unchanged.once(("build", *asked), lambda: _built(wanted))
 
 
-def _built(
-    name: str, fmi: Fmi, all_platforms: bool, baked: Component | None, **constants: int
-) -> Path:
+def _built(wanted: Sequence[Wanted]) -> list[Path]:
+    paths, missing = [], {}
+    for each in wanted:
+        path, ccs = _place_of(each)
+        if ccs and not _usable(path):
+            missing[path] = partial(_build_of, path, each, ccs)
+        paths.append(path)
+    _make(missing)
+    return paths
+
+
+def _place_of(wanted: Wanted) -> tuple[Path, Sequence[compilers.Compiler]]:
+    """The path of an FMU, and the compilers that it needs: none if it is ready-made."""
+    name, fmi, constants = wanted.name, wanted.fmi, wanted.constants
     if name not in COMPONENTS:
         raise BuildError(
             f"a component must be one of {', '.join(COMPONENTS)}; got {name!r}"
@@ -98,43 +131,12 @@ def _built(
     except ValueError as error:
         raise BuildError(str(error)) from None
     of = key(name, fmi, **constants)
-    ready = _ready(of, file) if baked is None else None
+    ready = _ready(of, file) if wanted.baked is None else None
     if ready is not None:
-        return ready
+        return ready, ()
     _versions()  # without CasADi, a compiler does not help
-    ccs = compilers.for_every_platform() if all_platforms else (compilers.find(),)
-    path = cache() / _fingerprint(of, ccs, baked) / file
-    if not _usable(path):
-        _make_folder(path)
-        write(path, name, fmi, ccs, baked, **constants)
-    return path
-
-
-def write(
-    path: Path,
-    name: str,
-    fmi: Fmi,
-    ccs: Sequence[compilers.Compiler],
-    baked: Component | None = None,
-    **constants: int,
-) -> None:
-    """Build the FMU of a component, and write its SHA-256 to a file next to it.
-
-    Equal sources and compilers give equal bytes.
-
-    Parameters
-    ----------
-    ccs
-        A compiler for each platform.
-    """
-    # CasADi and the XML are loaded only when something has to be built.
-    from sblcosim.models.loading import load
-
-    model = load(name, **constants)
-    if baked is not None:
-        _write_model(path, replace(model, component=baked), fmi, ccs, lambda cc: ())
-        return
-    _write_model(path, model, fmi, ccs, lambda cc: _lane_objects(name, cc, **constants))
+    ccs = compilers.for_every_platform() if wanted.all_platforms else (compilers.find(),)
+    return cache() / _fingerprint(of, ccs, wanted.baked) / file, ccs
 
 
 def kept_fmu(file: str, of: str, make: Callable[[], Model], fmi: Fmi) -> Path:
@@ -152,30 +154,105 @@ def kept_fmu(file: str, of: str, make: Callable[[], Model], fmi: Fmi) -> Path:
         CasADi or a compiler is missing, or the compiler fails.
     """
     _versions()  # without CasADi, a compiler does not help
-    compiler = compilers.find()
-    folder = f"{USERS}{_fingerprint(_digest([of, fmi]).hexdigest(), (compiler,))}"
+    ccs = (compilers.find(),)
+    folder = f"{USERS}{_fingerprint(_digest([of, fmi]).hexdigest(), ccs)}"
     path = cache() / folder / file
     if not _usable(path):
-        model = make()
-        _make_folder(path)
-        _write_model(path, model, fmi, (compiler,), partial(_lanes_of, model))
+        _make({path: lambda: _prepared(path, make(), fmi, ccs)})
     return path
 
 
-def _write_model(
-    path: Path, model: Model, fmi: Fmi, ccs: Sequence[compilers.Compiler],
-    lanes: Callable[[compilers.Compiler], Sequence[bytes]],
-) -> None:
+@dataclass(frozen=True, slots=True)
+class _Build:
+    """An FMU to build: the objects to compile, and what makes it from them, by `_compiling`."""
+
+    objects: Sequence[_Object]
+    finish: Callable[[Callable[[_Object], bytes]], None]
+
+
+def _make(builds: Mapping[Path, Callable[[], _Build]]) -> None:
+    """Build FMUs by their paths, side by side; CasADi and the linker work in this thread."""
+    if not builds:
+        return
+    for path in builds:
+        _make_folder(path)
+    prepared = [prepare() for prepare in builds.values()]
+    objects = {each.identity: each for build in prepared for each in build.objects}
+    missing = {
+        known_as: each for known_as, each in objects.items()
+        if each.kept is None or not _usable(each.kept)
+    }
+    texts = [each.sources for each in missing.values()]
+    with announced([path.stem for path in builds], texts), _compiling(missing.values()) as compiled:
+
+        def content(each: _Object) -> bytes:
+            if each.kept is not None and (each.identity not in missing or intact(each.kept)):
+                return each.kept.read_bytes()
+            made = compiled(each)
+            if each.kept is not None:
+                with _caching():
+                    write_sealed(each.kept, made)
+            return made
+
+        for build in prepared:
+            build.finish(content)
+
+
+def _build_of(path: Path, wanted: Wanted, ccs: Sequence[compilers.Compiler]) -> _Build:
+    # CasADi and the XML are loaded only when something has to be built.
+    from sblcosim.models.loading import load
+
+    model = load(wanted.name, **wanted.constants)
+    if wanted.baked is not None:
+        model = replace(model, component=wanted.baked)
+    return _prepared(path, model, wanted.fmi, ccs, lanes=wanted.baked is None)
+
+
+def _prepared(
+    path: Path, model: Model, fmi: Fmi, ccs: Sequence[compilers.Compiler], lanes: bool = True
+) -> _Build:
+    """The build of an FMU; equal models and compilers give equal bytes.
+
+    Parameters
+    ----------
+    ccs
+        A compiler for each platform.
+    lanes
+        Whether to include the engines for many simulations.
+    """
     from .archive import contents, pack
     from .tables import tables_of, token_of
 
-    sources = {**engine_sources(model), **c_files([SHELLS[fmi]])}
+    engine = engine_sources(model)
+    sources = {**engine, **c_files([SHELLS[fmi]])}
     token = token_of(model, sources, fmi)
     sources["tables.h"] = tables_of(model, token)
-    shell = [Unit(SHELLS[fmi])]
-    binaries = {cc.platform: compile_shared(sources, shell, cc, lanes(cc)) for cc in ccs}
-    with _caching():
-        write_sealed(path, pack(contents(model, fmi, token, sources, binaries)))
+    objects = {
+        cc: [_Object(sources, Unit(SHELLS[fmi]), cc), *(_lanes(engine, cc) if lanes else ())]
+        for cc in ccs
+    }
+
+    def finish(compiled: Callable[[_Object], bytes]) -> None:
+        binaries = {cc.platform: _linked(map(compiled, own), cc) for cc, own in objects.items()}
+        with _caching():
+            write_sealed(path, pack(contents(model, fmi, token, sources, binaries)))
+
+    return _Build([each for own in objects.values() for each in own], finish)
+
+
+def _lanes(engine: Mapping[str, bytes], compiler: compilers.Compiler) -> list[_Object]:
+    """The engines for many simulations; cached, because they take most of a build.
+
+    They are the same for both versions of FMI and for all descriptions of the variables.
+    """
+    sources = {**engine, **c_files(LANES)}
+    units = [Unit("dispatch.c"), *lane_units("lanes.c", compiler.platform)]
+    facts = [compiler.command, compiler.identity, compiler.platform, SEAL]
+    folder = cache() / key_of_sources(facts, units, sources)
+    return [
+        _Object(sources, unit, compiler, folder / f"{number}.o")
+        for number, unit in enumerate(units)
+    ]
 
 
 def _ready(of: str, file: str) -> Path | None:
@@ -306,7 +383,9 @@ def kept_library(
     path = cache() / _digest(facts).hexdigest()[:32] / file
     if not _usable(path):
         _make_folder(path)
-        binary = compile_shared(sources(), library_units(name, lanes, platform), compiler)
+        texts, units = sources(), library_units(name, lanes, platform)
+        with announced([f"library {name}"], [texts] * len(units)):
+            binary = compile_shared(texts, units, compiler)
         with _caching():
             write_sealed(path, binary)
     return path
@@ -318,10 +397,7 @@ def library_units(name: str, lanes: bool, platform: str) -> tuple[Unit, ...]:
 
 
 def compile_shared(
-    sources: Mapping[str, bytes],
-    units: Sequence[Unit],
-    compiler: compilers.Compiler,
-    objects: Sequence[bytes] = (),
+    sources: Mapping[str, bytes], units: Sequence[Unit], compiler: compilers.Compiler
 ) -> bytes:
     """Compile C sources into a shared library.
 
@@ -329,68 +405,75 @@ def compile_shared(
     ----------
     sources
         All files by name, including those that are only included.
-    objects
-        Further objects to link.
 
     Raises
     ------
     BuildError
         The compiler fails.
     """
+    objects = [_Object(sources, unit, compiler) for unit in units]
+    with _compiling(objects) as compiled:
+        return _linked(map(compiled, objects), compiler)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Object:
+    """An object to compile from C sources, all of them by name.
+
+    Attributes
+    ----------
+    kept
+        Place in the cache of one that several FMUs share.
+    """
+
+    sources: Mapping[str, bytes]
+    unit: Unit
+    compiler: compilers.Compiler
+    kept: Path | None = None
+
+    @property
+    def identity(self) -> Hashable:
+        return self.kept or self
+
+    def compiled(self, folder: Path, include: Sequence[Path]) -> bytes:
+        """Its bytes, made in a folder for temporary files."""
+        with tempfile.TemporaryDirectory(dir=folder) as name:
+            here = Path(name)
+            for file, text in self.sources.items():
+                (here / file).write_bytes(text)
+            self.compiler.compile(self.unit.source, "object", include, self.unit.flags, here)
+            return (here / "object").read_bytes()
+
+
+@contextmanager
+def _compiling(objects: Iterable[_Object]) -> Iterator[Callable[[_Object], bytes]]:
+    """Compile objects on all processors, while the block works with those that are complete.
+
+    Yields
+    ------
+    function
+        Waits for an object. An error cancels those that have not begun.
+    """
+    folder, include = scratch(), [fmi_headers()]
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        futures = {each.identity: pool.submit(each.compiled, folder, include) for each in objects}
+        try:
+            yield lambda each: stopping.result(futures[each.identity])
+        finally:
+            for future in futures.values():
+                future.cancel()
+
+
+def _linked(objects: Iterable[bytes], compiler: compilers.Compiler) -> bytes:
+    """A shared library."""
     with tempfile.TemporaryDirectory(dir=scratch()) as name:
         folder = Path(name)
-        parts = [*compile_objects(sources, units, compiler), *objects]
-        names = [f"{i}.o" for i in range(len(parts))]
-        for file, content in zip(names, parts, strict=True):
-            (folder / file).write_bytes(content)
+        names = []
+        for number, content in enumerate(objects):
+            names.append(f"{number}.o")
+            (folder / names[-1]).write_bytes(content)
         compiler.link(names, "library", folder)
         return (folder / "library").read_bytes()
-
-
-def compile_objects(
-    sources: Mapping[str, bytes], units: Sequence[Unit], compiler: compilers.Compiler
-) -> list[bytes]:
-    """Compile C sources into objects, one per unit, on all cores."""
-    include = [fmi_headers()]
-    with tempfile.TemporaryDirectory(dir=scratch()) as name:
-        folder = Path(name)
-        for file, text in sources.items():
-            (folder / file).write_bytes(text)
-
-        def compiled(number: int, unit: Unit) -> bytes:
-            output = f"{number}.o"
-            compiler.compile(unit.source, output, include, unit.flags, folder)
-            return (folder / output).read_bytes()
-
-        with ThreadPoolExecutor(os.cpu_count()) as pool:
-            futures = [pool.submit(compiled, *each) for each in enumerate(units)]
-            return list(stopping.results(futures))
-
-
-@remember
-def _lane_objects(name: str, compiler: compilers.Compiler, **constants: int) -> list[bytes]:
-    from sblcosim.models.loading import load
-
-    return _lanes_of(load(name, **constants), compiler)
-
-
-def _lanes_of(model: Model, compiler: compilers.Compiler) -> list[bytes]:
-    """The engines for many simulations; cached, because they take most of a build.
-
-    They are the same for both versions of FMI and for all descriptions of the variables.
-    """
-    sources = {**engine_sources(model), **c_files(LANES)}
-    units = [Unit("dispatch.c"), *lane_units("lanes.c", compiler.platform)]
-    facts = [compiler.command, compiler.identity, compiler.platform, SEAL]
-    folder = cache() / key_of_sources(facts, units, sources)
-    paths = [folder / f"{number}.o" for number in range(len(units))]
-    if not all(map(_usable, paths)):
-        _make_folder(paths[0])
-        objects = compile_objects(sources, units, compiler)
-        with _caching():
-            for path, content in zip(paths, objects, strict=True):
-                write_sealed(path, content)
-    return [path.read_bytes() for path in paths]
 
 
 def fmi_headers() -> Path:

@@ -7,14 +7,15 @@ import re
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal, cast
+from typing import cast
 
 from fmpy.model_description import ModelDescription, ModelVariable
-from sblcosim.fmus.build.factory import build
+from sblcosim.fmus.build.factory import Wanted, build, build_all
 from sblcosim.fmus.host.nanoseconds import SECOND
 from sblcosim.fmus.read.archive import opened
 from sblcosim.fmus.read.description import describe
 from sblcosim.fmus.read.ports import Fmu, Port
+from sblcosim.fmus.standard import Fmi
 from sblcosim.models import declared, of_file
 from sblcosim.models.declaration import Number
 
@@ -91,9 +92,12 @@ def parts_of(plan: Plan, bake: bool) -> list[ExportedPart]:
     """The components of a plan; with `bake`, the plan's numbers are the FMUs' start values."""
     parts = []
     names = _names(plan)
+    paths = {c.name: cast(Fmu, c.source).path for c in plan.components}
+    wanted = {c.name: _baked(c, plan) for c in plan.components if bake}
+    baked = {name: one for name, one in wanted.items() if one is not None}
+    paths |= zip(baked, build_all([*baked.values()]), strict=True)
     for component in plan.components:
-        source = cast(Fmu, component.source)
-        path = _baked(component, source, plan) if bake else source.path
+        path = paths[component.name]
         with opened(path) as archive:
             parts.append(ExportedPart(names[component.name], component, path, describe(archive)))
     return parts
@@ -119,9 +123,10 @@ def _names(plan: Plan) -> dict[str, str]:
     return names
 
 
-def _baked(component: PlannedComponent, source: Fmu, plan: Plan) -> Path:
-    """The FMU with the scenario's numbers as start values; a foreign FMU must have them already."""
-    known, fmi = of_file(source.path.stem), cast(Literal[2, 3], source.fmi)
+def _baked(component: PlannedComponent, plan: Plan) -> Wanted | None:
+    """The FMU with the scenario's numbers as start values; None: a foreign one, which has them."""
+    source = cast(Fmu, component.source)
+    known, fmi = of_file(source.path.stem), cast(Fmi, source.fmi)
     name, constants = known or ("", {})
     if known is None or source.path != build(name, fmi, False, None, **constants):
         for setting in component.settings:
@@ -131,7 +136,7 @@ def _baked(component: PlannedComponent, source: Fmu, plan: Plan) -> Path:
                     f"{setting.port.name} must start as {words(setting.port, setting.values)}, "
                     f"got {words(setting.port, setting.port.start or ())}"
                 )
-        return source.path
+        return None
     values = {s.port.name: s.values for s in component.settings}
     usual = declared(name, **constants)
     baked = replace(
@@ -145,7 +150,7 @@ def _baked(component: PlannedComponent, source: Fmu, plan: Plan) -> Path:
         step_size=step_ns(plan) / SECOND,  # also for a receiver that needs fewer: tools use one
         stop_time=plan.stop_ns / SECOND,
     )
-    return build(name, fmi, False, baked, **constants)
+    return Wanted(name, fmi, baked=baked, constants=constants)
 
 
 def links_of(plan: Plan) -> Iterator[tuple[tuple[str, str], tuple[str, str]]]:

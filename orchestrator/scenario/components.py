@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import marshal
 import operator
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import compress
@@ -60,20 +60,32 @@ def _made(
     name: str, scenario: Scenario, where: str, fmi: int, assumptions: Mapping[str, Any]
 ) -> Part:
     table = getattr(scenario, where)
-    from sblcosim.fmus.build.factory import build
-
-    constants = {"beacons": scenario.beacons}
-    if name == "target":
-        constants |= tracks.capacity(table)
     without_track = name == "target" and table.trajectory != tracks.FILE
     names, rows = described(
-        name, tuple(constants.items()), tracks.PARAMETERS if without_track else ()
+        name, tuple(_constants(name, scenario).items()), tracks.PARAMETERS if without_track else ()
     )
-    fmu = build(name, cast(Fmi, fmi), False, None, **constants)  # refuses other versions
+    (fmu,) = built(scenario, [(name, fmi)])
     content = _content(table, assumptions)
     # Points of a study differ from the first in only a few parameters.
     first = alike("first", (id(rows), fmu), lambda: _First(fmu, rows, content), rows)
     return Part(first.varied(content, nanoseconds(table.interval_s)), names)
+
+
+def built(scenario: Scenario, ours: Sequence[tuple[str, int]]) -> list[Path]:
+    """FMUs of our components, by name and FMI version, for a scenario; missing ones are built."""
+    from sblcosim.fmus.build.factory import Wanted, build_all
+
+    return build_all([  # refuses other versions
+        Wanted(name, cast(Fmi, fmi), constants=_constants(name, scenario)) for name, fmi in ours
+    ])
+
+
+def _constants(name: str, scenario: Scenario) -> dict[str, int]:
+    """The constants of the build of one of our components."""
+    constants = {"beacons": scenario.beacons}
+    if name == "target":
+        constants |= tracks.capacity(scenario.target)
+    return constants
 
 
 class _First:

@@ -33,7 +33,16 @@ from ..simulation.plans.alike import alike
 from ..simulation.plans.settings import facts_of
 from ..simulation.system import ComponentSpec, Connection, System, Value
 from . import effects
-from .components import Part, described, foreign, names_of, ours_of, ports_of_source, receiver_of
+from .components import (
+    Part,
+    built,
+    described,
+    foreign,
+    names_of,
+    ours_of,
+    ports_of_source,
+    receiver_of,
+)
 from .doubts import doubts
 from .labels import RAW
 from .scenario import Receivers, Scenario, Source, load
@@ -84,12 +93,12 @@ def connected(
     scenario: Scenario, choice: Choice, *, raw: bool = True, tell_idle: bool = True
 ) -> System:
     """As `connect`, for what has been chosen."""
-    table, fmi = scenario.receiver, choice.fmi
-    parts = _core(scenario, fmi, choice.components)
     _refuse_idle_keys(scenario, choice.receivers)
-    for label, source in choice.receivers.items():
-        if raw or label != RAW:
-            parts[label] = receiver_of(scenario, label, source, fmi or table.fmi or scenario.fmi)
+    receivers = {k: v for k, v in choice.receivers.items() if raw or k != RAW}
+    _build_missing(scenario, choice, receivers.values())
+    parts = _core(scenario, choice)
+    for label, source in receivers.items():
+        parts[label] = receiver_of(scenario, label, source, _fmi(scenario, choice, "receiver"))
     if scenario.true_prior:
         _hand_over_start(parts, choice.receivers)
     connections = _connections(tuple((name, part.names) for name, part in parts.items()))
@@ -104,18 +113,39 @@ def connected(
     )
 
 
-def _core(
-    scenario: Scenario, fmi: int | None, replaced: Mapping[str, Source]
-) -> dict[str, Part]:
+def _build_missing(scenario: Scenario, choice: Choice, receivers: Iterable[Source]) -> None:
+    """Build those of our FMUs that the cache lacks, side by side."""
+    ours = [
+        (name, _fmi(scenario, choice, name)) for name in CORE_COMPONENTS
+        if _core_source(scenario, choice, name) is None
+    ]
+    fmi = _fmi(scenario, choice, "receiver")
+    ours += [(source, fmi) for source in receivers if isinstance(source, str)]
+    target = scenario.target
+    key = (scenario.beacons, id(target), *ours)
+    alike("fmus", key, lambda: built(scenario, ours), target)
+
+
+def _fmi(scenario: Scenario, choice: Choice, table: str) -> int:
+    """FMI version of our component with the keys of a table."""
+    return choice.fmi or getattr(scenario, table).fmi or scenario.fmi
+
+
+def _core_source(scenario: Scenario, choice: Choice, name: str) -> Source | None:
+    """What replaces a component that every system has; None: ours runs."""
+    own: str | None = getattr(scenario, name).fmu
+    return choice.components.get(name, own)
+
+
+def _core(scenario: Scenario, choice: Choice) -> dict[str, Part]:
     """The components that every system has."""
     parts: dict[str, Part] = {}
     for name in CORE_COMPONENTS:
-        table = getattr(scenario, name)
-        source = replaced.get(name, table.fmu)
+        source = _core_source(scenario, choice, name)
         if source is None:
-            parts[name] = ours_of(name, scenario, name, fmi or table.fmi or scenario.fmi)
+            parts[name] = ours_of(name, scenario, name, _fmi(scenario, choice, name))
         else:
-            parts[name] = foreign(name, scenario, source, name not in replaced)
+            parts[name] = foreign(name, scenario, source, name not in choice.components)
     return parts
 
 

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from said import apart_from_compiling
 from sblcosim.fmus import files
 from seams import program
 
@@ -116,7 +117,7 @@ class Place:
 
     def check_what_is_said(self, code: int) -> None:
         """A command that is asked to end says what is kept, in a line."""
-        lines = (self.folder / "errors").read_text().splitlines()
+        lines = apart_from_compiling((self.folder / "errors").read_text()).splitlines()
         lines = [line for line in lines if not line.startswith("warning: ")]
         if code in (0, -signal.SIGTERM):  # it was over, or had not begun
             return

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import json
+import os
 import re
 import subprocess
 import sys
@@ -269,3 +270,19 @@ def test_while_the_compiler_works_the_process_goes_on(tmp_path: Path, seam: Seam
     said = len(heard.calls)
     time.sleep(1.2)
     assert len(heard.calls) == said
+
+
+def test_its_compilation_is_announced_once(tmp_path: Path) -> None:
+    code = (
+        "from sblcosim.simulation.user.receivers import of_folder\n"
+        f"of_folder({str(folder(tmp_path))!r})"
+    )
+    own = {**os.environ, factory.CACHE_VARIABLE: str(tmp_path / "cache")}
+    told = [
+        subprocess.run(
+            [sys.executable, "-c", code], env=own, capture_output=True, text=True, check=True
+        ).stderr
+        for _ in range(2)
+    ]
+    assert len(re.findall(r"^compiling damped: about .*\ncompiled in ", told[0], re.M)) == 1
+    assert told[1] == ""

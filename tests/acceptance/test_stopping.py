@@ -112,6 +112,7 @@ COMMANDS = {
     "calibrate": Command(
         ("calibrate", "--pings", "300000"), may_finish=True
     ),
+    "run that compiles": Command(("run", "paper-scenario-1", *ENDLESS), True, latest=20.0),
     "build": Command(("build",), own_cache=True, may_finish=True, latest=10.0),
 }  # fmt: skip
 
@@ -218,6 +219,26 @@ def test_a_signal_ends_a_command(tmp_path: Path, name: str, number: int, group: 
     after = random.Random(f"{SEED} {name}").uniform(0.0, command.latest / 2)
     _, code, err = stopped(place, command, number, after, group)
     check(place, command, number, code, err)
+
+
+@pytest.mark.parametrize("number", CODES)
+def test_a_signal_ends_the_compilers(tmp_path: Path, number: int) -> None:
+    place = place_of(tmp_path)
+    process = subprocess.Popen(
+        [sys.executable, "-m", "sblcosim", "run", "paper-scenario-1", "--out", "made"],
+        cwd=place, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
+        env={**os.environ, "SBLCOSIM_CACHE": str(place / "cache"), "TMPDIR": str(place / "tmp")},
+        start_new_session=True,
+    )  # fmt: skip
+    assert process.stderr is not None
+    names = "target, platform, acoustics, ekf, multilateration"
+    assert process.stderr.readline().startswith(f"compiling {names}: about ")
+    process.send_signal(number)
+    end = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}[signal.Signals(number)]
+    assert process.communicate(timeout=PATIENCE)[1] == f"{end}; nothing was written\n"
+    assert process.returncode == CODES[signal.Signals(number)]
+    assert not [p for p in place.rglob("*") if files.is_hidden(p.name) or p.suffix == ".fmu"]
+    gone(place)
 
 
 @pytest.mark.slow

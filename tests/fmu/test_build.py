@@ -15,7 +15,6 @@ from typing import Any
 import pytest
 from fmpy import extract, read_model_description
 from fmpy.validation import validate_fmu
-from sblcosim.fmus import files
 from sblcosim.fmus.build import compiler, factory
 from sblcosim.fmus.platforms import PLATFORMS, folder, this_platform
 from sblcosim.models import COMPONENTS
@@ -154,8 +153,10 @@ def test_two_builds_are_byte_identical(
     elsewhere.mkdir()
     monkeypatch.chdir(elsewhere)
     monkeypatch.setattr(tempfile, "tempdir", str(elsewhere))
-    factory.write(tmp_path / f"{name}.fmu", name, fmi, [compiler.find()])
-    assert (tmp_path / f"{name}.fmu").read_bytes() == expected
+    monkeypatch.setenv(factory.CACHE_VARIABLE, str(tmp_path / "cache"))
+    again = factory.build(name, fmi)
+    assert again.is_relative_to(tmp_path)
+    assert again.read_bytes() == expected
 
 
 def test_model_that_has_not_changed_is_not_compiled_again(
@@ -167,7 +168,7 @@ def test_model_that_has_not_changed_is_not_compiled_again(
     def fail(*_: object, **__: object) -> None:
         raise AssertionError("nothing should be compiled")
 
-    seam.instead(factory.compile_shared, fail)
+    seam.instead(compiler.Compiler.compile, fail)
     assert factory.build(SMALL, 2) == first
     with pytest.raises(AssertionError, match="nothing should be compiled"):
         factory.build(SMALL, 3)
@@ -178,7 +179,13 @@ def test_every_ingredient_counts(fresh_cache: Path, seam: Seam) -> None:
     usual = compiler.find()
     now = [usual]
     seam.instead(compiler.find, lambda: now[0])
-    seam.instead(factory.write, lambda path, *_: files.write_sealed(path, b"an FMU"))
+
+    def compiled(_: object, *arguments: Any) -> None:
+        folder, output = arguments[-1], arguments[1]
+        (folder / output).write_bytes(b"compiled")
+
+    seam.instead(compiler.Compiler.compile, compiled)
+    seam.instead(compiler.Compiler.link, compiled)
 
     def known_as(name: str = SMALL, fmi: Any = 2, cc: compiler.Compiler = usual) -> str:
         now[0] = cc
@@ -301,7 +308,8 @@ FOUR = tuple(name for name in PLATFORMS if name != "x86_64-windows")
     ],
 )
 def test_one_fmu_runs_on_all_platforms(
-    name: str, platforms: tuple[str, ...], seam: Seam, tmp_path: Path
+    name: str, platforms: tuple[str, ...], seam: Seam, monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
 ) -> None:
     """Each library exports the functions of the standard and the lanes, and needs an old libc."""
     allowed = {
@@ -339,6 +347,7 @@ def test_one_fmu_runs_on_all_platforms(
                 host(name, fmi).start(NOISY[name]).run(grid(TICKS), chain()[name]),
             )
     if name == SMALL:
-        again = tmp_path / "again.fmu"
-        factory.write(again, name, 3, compiler.for_every_platform())
+        monkeypatch.setenv(factory.CACHE_VARIABLE, str(tmp_path / "cache"))
+        again = factory.build(name, 3, all_platforms=True)
+        assert again.is_relative_to(tmp_path)
         assert again.read_bytes() == path.read_bytes()

@@ -48,26 +48,28 @@ def build(
     The files are DIR/fmi2/NAME.fmu and DIR/fmi3/NAME.fmu. With six beacons, components that depend
     on the number are called NAME6.fmu.
     """
-    from sblcosim.fmus.build.factory import build as build_fmu
+    from sblcosim.fmus.build.factory import Wanted, build_all
     from sblcosim.fmus.files import write_file
     from sblcosim.models import COMPONENTS
 
     constants = {} if beacons is None else {"beacons": beacons}
+    wanted = [
+        Wanted(name, version, all_platforms, constants=constants)
+        for version in ((2, 3) if fmi is None else (fmi,))
+        for name in (names or COMPONENTS)
+    ]
     with waiting("building"):
-        built = [
-            (path, out / f"fmi{version}" / path.name)
-            for version in ((2, 3) if fmi is None else (fmi,))
-            for name in (names or COMPONENTS)
-            for path in [build_fmu(name, version, all_platforms, None, **constants)]
-        ]
-        for cached, path in built:
+        written = []
+        for one, cached in zip(wanted, build_all(wanted), strict=True):
+            path = out / f"fmi{one.fmi}" / cached.name
             try:
                 write_file(path, cached.read_bytes())
             except OSError as error:
                 raise ConfigurationError(
                     f"{path}: must be writable, got {error.strerror}"
                 ) from None
-    for _, path in built:
+            written.append(path)
+    for path in written:
         typer.echo(str(path))
 
 
