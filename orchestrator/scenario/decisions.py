@@ -20,7 +20,7 @@ from . import conditions, effects, typed
 from .explained import explained
 from .likes import ASKED
 from .scenario import Scenario
-from .tracks import FILE, FILE_KEYS
+from .tracks import FILE, FILE_KEYS, POINT_KEYS
 from .units import unit_of
 
 Values = dict[str, Any]
@@ -204,7 +204,7 @@ def _sea_shown(scenario: Scenario) -> str:
 
 _WAYPOINTS, _FILES = "waypoints", (".csv", ".gpx")
 _SHAPES = tuple(it for it in TRAJECTORIES.values() if it not in (_WAYPOINTS, FILE))
-_OWN_POINTS = ("waypoint_m", "waypoint_count", "track_time_s", "track_m", "track_count", *FILE_KEYS)
+_OWN_POINTS = ("waypoint_m", "waypoint_count", *POINT_KEYS, *FILE_KEYS)
 
 _POINTS = "points, each north, east and down in m"
 _TRACK = f"the file of a recorded track, {listed(_FILES, 'or')}"

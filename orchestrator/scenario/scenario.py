@@ -304,6 +304,7 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Changes =
     """
     where, raw, file = _read(source)
     changed = override(raw, overrides)
+    kept = ("target", "track_m") not in changed
     before: Mapping[str, Any] = source.__dict__ if isinstance(source, Scenario) else {}
     changed |= before.get("_changed", frozenset())
     if isinstance(source, str | Path):
@@ -313,7 +314,6 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Changes =
         found = tracks.followed(scenario.target, scenario.place)
     except TooFewError as error:
         raise ConfigurationError(cross_check(str(error), where, changed)) from None
-    kept = ("target", "track_m") not in changed
     about, recorded = (before.get("_track", ""), before.get("_recorded", {})) if kept else ("", {})
     if found is not None:
         own = given_of(scenario.target)

@@ -21,7 +21,7 @@ from .overrides import Changes
 from .reading import relative
 from .scenario import Scenario, load
 from .schema import COMMON, FILES, TRUE, Table, rows, toml
-from .tracks import TOLERANCE
+from .tracks import POINT_KEYS, TOLERANCE
 
 _EXAMPLES: Mapping[str, Any] = {
     "fmu": "other.fmu",
@@ -109,15 +109,12 @@ def _in_use(scenario: Scenario, asked: Collection[str]) -> Tables:
     for table, key in (it.split(".") for it in asked):
         tables[table].setdefault(key, getattr(getattr(scenario, table), key))
     if scenario.recorded:
-        target = {k: v for k, v in tables["target"].items() if k not in _POINTS}
+        target = {k: v for k, v in tables["target"].items() if k not in POINT_KEYS}
         for place in ({}, tables["place"]):
             as_file = {**tables, "target": {**target, **scenario.recorded}, "place": place}
             if _is(scenario, as_file):
                 return as_file
     return tables
-
-
-_POINTS = ("track_time_s", "track_m", "track_count")
 
 
 def _needed(scenario: Scenario, tables: Tables, asked: Collection[str]) -> Tables:

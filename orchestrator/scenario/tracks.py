@@ -25,6 +25,8 @@ FILE = "file"
 """The trajectory for a recorded track."""
 FILE_KEYS = ("track_file", "track_tolerance_m")
 """Keys of ``[target]`` that define where the points come from."""
+POINT_KEYS = ("track_time_s", "track_m", "track_count")
+"""Keys of ``[target]`` for the points themselves."""
 PARAMETERS = ("track_count", "track_time", "track")
 """Parameters of the Target that only a track needs."""
 TOLERANCE = 0.1
@@ -177,7 +179,7 @@ def _doubts(recorded: Recorded, points: Floats) -> Iterator[str]:
 def problem(target: Any) -> str | None:
     """The problem with the points of a track; None: none."""
     if target.track_file is not None and target.trajectory == FILE:
-        for key in ("track_time_s", "track_m", "track_count"):
+        for key in POINT_KEYS:
             if key in target.model_fields_set:
                 return f"[target] {key}: must be left out when there is a track_file"
         if target.fmu is not None:

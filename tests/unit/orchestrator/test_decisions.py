@@ -257,6 +257,27 @@ def test_what_a_path_leaves_without_effect_goes() -> None:
     assert "depth_start_m" not in back.scenario.given()["target"]
 
 
+def test_keys_that_belong_to_the_former_answer_go_with_it() -> None:
+    six = load({"platform": {"beacons": 6, "arm_length_m": 2.0}})
+    made = decided(six, {"beacons": "2 1 0; 2 -1 0; -2 0 1"})
+    assert made.scenario.beacons == 3
+    assert "arm_length_m" not in made.scenario.given()["platform"]
+    tables = {"trajectory": "waypoints", "waypoint_m": [[0, 0, 5], [9, 0, 5], [9, 9, 5]]}
+    begin = load({"target": {**tables, "waypoint_count": 2}})
+    for path, count in (("0 0 5; 9 0 5; 9 9 5; 0 0 5", 4), ("7 7 7; 8 8 8", 2)):
+        begin = decided(begin, {"path": path}).scenario
+        assert begin.target.waypoint_count == count
+    recorded = decided(begin, {"path": "dive.csv"})
+    assert recorded.scenario.recorded["track_file"] == str(Path.cwd() / "dive.csv")
+    again = decided(recorded.scenario, {"path": "geo.csv"})
+    assert again.scenario.recorded["track_file"] == str(Path.cwd() / "geo.csv")
+    check_written(again)
+    assert 'track_file = "../geo.csv"' in Path("deep", "mine.toml").read_text("utf-8")
+    back = decided(again.scenario, {"path": "circle"}).scenario
+    assert not back.recorded
+    assert not {"track_m", "waypoint_m"} & back.given()["target"].keys()
+
+
 def test_a_path_without_an_end_ends() -> None:
     for given in ({"path": "white_noise_acceleration"}, {"speed": "0"}):
         made = decided(source("platform"), given)
@@ -267,6 +288,9 @@ def test_a_path_without_an_end_ends() -> None:
 @pytest.mark.parametrize("text", ["6", "4, 12"])
 def test_depths_go_along_the_points_of_a_path(text: str) -> None:
     begin = source("buoys")
+    for wrong in ("-3", "5, -3"):
+        with pytest.raises(ConfigurationError, match="^depth: must be at least 0, got -3$"):
+            decided(begin, {"depth": wrong})
     flat = decided(begin, {"depth": text}).scenario.target.waypoint_m
     assert flat[0::3] == begin.target.waypoint_m[0::3]
     assert flat[1::3] == begin.target.waypoint_m[1::3]
@@ -333,6 +357,14 @@ def test_a_recorded_track_stays_its_file() -> None:
     assert 'track_file = "dive.csv"' in text
     assert "track_tolerance_m = 0.5" in text
     assert "track_m" not in text
+    Path("geo.toml").write_text('[target]\ntrajectory = "file"\ntrack_file = "geo.csv"\n')
+    placed = starter("other", "geo.toml", short=True, folder=Path.cwd())
+    assert 'track_file = "geo.csv"' in placed
+    assert "[place]" not in placed
+    here = load("geo.toml", {"place.latitude_deg": 42.4999, "place.longitude_deg": 14.2})
+    elsewhere = starter("other", here, short=True, folder=Path.cwd())
+    assert 'track_file = "geo.csv"' in elsewhere
+    assert "latitude_deg = 42.4999" in elsewhere
     whole = load("mine.toml")
     moved = load(whole, {"place.latitude_deg": 1.0, "place.longitude_deg": 2.0})
     assert "latitude_deg = 1.0" in starter("other", moved, short=True)

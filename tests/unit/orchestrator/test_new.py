@@ -129,9 +129,11 @@ def test_what_cannot_be_written_leaves_nothing_and_is_named() -> None:
         done = new("folder.toml", *force)
         assert done.stderr == "error: folder.toml: must be a file, got a folder\n"
     assert not Path(FILE_NAME).exists()
-    long = "x" * 300
-    done = new(long)
-    assert done.stderr.startswith("error: ")
+    assert not Path(FILE_NAME).exists()
+    Path("link.toml").symlink_to("nowhere.toml")
+    assert new("link.toml").stderr.startswith("error: link.toml: must not exist yet, got ")
+    assert not Path(FILE_NAME).exists()
+    assert new("x" * 300).stderr.startswith("error: ")
     assert not Path(FILE_NAME).exists()
 
 
@@ -256,7 +258,8 @@ def test_random_keys_end_in_a_scenario_or_in_words() -> None:
     rng = random.Random(20)
     letters = [*b"0123456789.,;-+ []()'\"abcxyzm/\xff\xc3\xb0\\{}=#%", 0xE2, 0x88, 0x92]
     for shell in ('"$@"', '"$@" | cat'):  # with and without the editing of lines
-        command = ["bash", "-o", "pipefail", "-c", shell, "sh", *ON_A_TERMINAL]
+        strict = ["env", "PYTHONIOENCODING=utf-8:strict"]
+        command = ["bash", "-o", "pipefail", "-c", shell, "sh", *strict, *ON_A_TERMINAL]
         terminal = Terminal("mine.toml", "--force", "--like", "platform", command=command)
         while terminal.question():
             if rng.random() < 0.7:
@@ -274,3 +277,9 @@ def test_the_track_of_a_path_warns_once() -> None:
     done = new("mine", "--path", "dry.csv", "--pings", "2")
     assert done.stderr.count("should be under water") == 1
     assert "times)" not in done.stderr
+    terminal = Terminal("mine", "--force", "--like", "lbl")
+    while name := terminal.question():
+        before = terminal.said()
+        assert ("should be under water" in before) == (name == "speed"), name
+        terminal.child.sendline("dry.csv" if name == "path" else "")
+    assert terminal.said().count("should be under water") == 1
