@@ -200,6 +200,11 @@ def _sea_shown(scenario: Scenario) -> str:
     return listed([*conditions.sea(scenario.platform)] or ["at rest"])
 
 
+def _sea(text: str, scenario: Scenario) -> Values:
+    level = typed.number(re.sub("beaufort", "", text, flags=re.IGNORECASE))
+    return {"platform.beaufort": int(level) if float(level).is_integer() else level}
+
+
 # --- The dive ------------------------------------------------------------------------------------
 
 _WAYPOINTS, _FILES = "waypoints", (".csv", ".gpx")
@@ -296,7 +301,7 @@ _ROWS: Mapping[str, Decision] = {
     "sea": Decision(
         lambda scenario: ["platform.beaufort"],
         lambda scenario: explained("platform", "beaufort"), _sea_shown,
-        lambda text, scenario: {"platform.beaufort": typed.number(text, "Beaufort")},
+        _sea,
         {"survey": "beacons on the bottom rest",
          "buoys": "waves that move each buoy by itself are not modelled"},
     ),

@@ -73,9 +73,9 @@ def new(
 ) -> None:
     """Write a scenario file to begin with.
 
-    On a terminal, it asks for what decides and is not given as an option. The file has these keys,
-    and those that differ from their defaults. The scenario runs as it is. Its schema is written
-    beside it; editors use it to complete and explain keys.
+    On a terminal, it asks for what decides about the run, unless an option says it. The file has
+    these keys, and those that differ from their defaults. The scenario runs as it is. Its schema is
+    written beside it; editors use it to complete and explain keys.
     """
     from ...scenario.scenario import load
     from ...scenario.starter import starter
@@ -88,7 +88,7 @@ def new(
         "pings": pings, "path": path, "depth": depth, "speed": speed,
     }  # fmt: skip
     answers = {name: text for name, text in given.items() if text is not None}
-    asking = not yes and sys.stdin is not None and sys.stdin.isatty()
+    asking = not yes and sys.stdin.isatty()
     if asking:
         say("Enter keeps what is in brackets.", err=True)
     if like is None and source is None and asking:
@@ -195,8 +195,8 @@ def _answered(
     from ...scenario.decided import decided
     from ...scenario.decisions import DECISIONS
 
-    it = DECISIONS[name]
-    asked = ASKED[name]
+    say_warnings()  # about earlier answers
+    it, asked = DECISIONS[name], ASKED[name]
     say(f"\n{asked.about}\n  {it.takes(made.scenario)}.\n  E.g. {asked.example}", err=True)
     while text := ask(f"{name} [{it.shown(made.scenario)}]"):
         try:
@@ -206,7 +206,6 @@ def _answered(
         else:
             _confirm(name, text, made)
             break
-    say_warnings()
     return made, answers
 
 

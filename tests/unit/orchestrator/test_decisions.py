@@ -63,7 +63,7 @@ def answers(name: str, begin: Scenario) -> dict[str, Mapping[str, Any]]:
         levels: dict[str, Mapping[str, Any]] = {
             str(level): {"platform.beaufort": level} for level in LEVELS
         }
-        return levels | {"Beaufort 3": levels["3"]}
+        return levels | {"Beaufort 3": levels["3"], "3.0": levels["3"]}
     if name == "path":
         return {
             **{shape: {"target.trajectory": shape} for shape in SHAPES},
@@ -289,7 +289,7 @@ def test_a_path_without_an_end_ends() -> None:
 def test_depths_go_along_the_points_of_a_path(text: str) -> None:
     begin = source("buoys")
     for wrong in ("-3", "5, -3"):
-        with pytest.raises(ConfigurationError, match="^depth: must be at least 0, got -3$"):
+        with pytest.raises(ConfigurationError, match=r"^depth: must be at least 0, got -3$"):
             decided(begin, {"depth": wrong})
     flat = decided(begin, {"depth": text}).scenario.target.waypoint_m
     assert flat[0::3] == begin.target.waypoint_m[0::3]
