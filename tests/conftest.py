@@ -18,17 +18,25 @@ from seams import Seam
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_sessionstart(session: pytest.Session) -> None:
-    """Build all components before the workers of a whole run begin, so that not each does it."""
+    """Build all components and libraries before the workers of a whole run begin.
+
+    Otherwise each would do it, and say so on standard error.
+    """
     option = session.config.option
     is_worker = hasattr(session.config, "workerinput")
     if is_worker or not getattr(option, "numprocesses", None) or option.file_or_dir:
         return
+    from sblcosim.fmus.build import bound
     from sblcosim.fmus.build.factory import Wanted, build_all
     from sblcosim.fmus.errors import BuildError
     from sblcosim.models import COMPONENTS
+    from sblcosim.simulation.masters import c_libraries, lanes_driver, native
 
     with suppress(BuildError):  # the tests say so
         build_all([Wanted(name, fmi) for fmi in (2, 3) for name in COMPONENTS])
+        bound.library()
+        for driver in (native.DRIVER, lanes_driver.DRIVER):
+            c_libraries.library(driver)
 
 
 @pytest.hookimpl(optionalhook=True)
