@@ -250,8 +250,9 @@ def evaluate(
         settings,
         order,
         places,
-        pd.concat([t.assign(scenario=name) for name, t in runs.items()], ignore_index=True).pipe(
-            lambda t: t[["scenario", *(c for c in t.columns if c != "scenario")]]
+        pd.concat(
+            [pd.DataFrame({"scenario": name, **dict(t.items())}) for name, t in runs.items()],
+            ignore_index=True,
         ),
         pd.DataFrame(levels(runs, values, order, settings)),
         differences(values, order, settings),
