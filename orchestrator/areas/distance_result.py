@@ -19,7 +19,7 @@ from ..results import data_sheet
 from ..shown import Picture
 from ..words.lists import counted
 from ..words.numbers import figure, meters, rounded
-from ..words.shares import percent, rough_percent
+from ..words.shares import rough_percent
 from .over_places import OverPlaces
 from .tables import DISTANCES
 
@@ -149,16 +149,16 @@ class DistanceCurve(OverPlaces):
     @property
     def remarks(self) -> list[str]:
         """Remarks that are needed to read the answer, one line each."""
-        return [*self._remarks()]
+        return [*self._remarks(verbose=True)]
 
-    def _remarks(self) -> Iterator[str]:
+    def _remarks(self, verbose: bool) -> Iterator[str]:
         s, rows = self.settings, self.distances
-        if s["runs"] >= data_sheet.LEAST_RUNS:
+        if verbose and s["runs"] >= data_sheet.LEAST_RUNS:
             yield data_sheet.NOTE
         lost = rows["lost_share"]
         yield (
-            f"lost runs: {percent(lost.mean(), '.2g')} of {rows['runs'].sum():,}, at most "
-            f"{percent(lost.max(), '.2g')} at a distance"
+            f"lost runs: {rough_percent(lost.mean())} of {rows['runs'].sum():,}, at most "
+            f"{rough_percent(lost.max())} at a distance"
         )
         if lost.max():
             yield LOST
@@ -186,7 +186,7 @@ class DistanceCurve(OverPlaces):
         Parameters
         ----------
         verbose
-            Show all distances.
+            Show all distances, and what the sentence for a data sheet includes.
         width
             Columns to fit into; None: lines are not wrapped.
         """
@@ -197,7 +197,7 @@ class DistanceCurve(OverPlaces):
             step = 1 if verbose else -(-len(rows) // most)
             lines += ["", f"{self.settings['error'].replace('_', ' ')} error [m] at {depth:g} m "
                       "depth", *_printed(rows[::-step][::-1], width)]  # fmt: skip
-        return fitted("\n".join([*lines, "", *self.remarks]), width)
+        return fitted("\n".join([*lines, "", *self._remarks(verbose)]), width)
 
     # --- Data ------------------------------------------------------------------------------------
 

@@ -167,11 +167,11 @@ class AreaMap(OverPlaces):
         Parameters
         ----------
         verbose
-            Has no effect.
+            Add how the percentiles, the sentence for a data sheet and the colours are made.
         width
             Columns to fit into; None: lines are not wrapped.
         """
-        return fitted("\n".join((self.answer, *self.remarks)), width)
+        return fitted("\n".join((self.answer, *self._remarks(verbose))), width)
 
     @property
     def title(self) -> str:
@@ -233,7 +233,7 @@ class AreaMap(OverPlaces):
     @property
     def remarks(self) -> list[str]:
         """Remarks that are needed to read the answer, one line each."""
-        return [*self._remarks()]
+        return [*self._remarks(verbose=True)]
 
     def _answers(self) -> Iterator[str]:
         s, found = self.settings, self.summary()
@@ -249,20 +249,16 @@ class AreaMap(OverPlaces):
                 f"possible in {part(found['possible_within_share'])}"
             )
 
-    def _remarks(self) -> Iterator[str]:
+    def _remarks(self, verbose: bool) -> Iterator[str]:
         s, found = self.settings, self.summary()
         yield (
-            f"lost runs: {percent(found['lost_share'], '.2f')} of {found['runs']:,}; more than "
+            f"lost runs: {rough_percent(found['lost_share'])} of {found['runs']:,}; more than "
             f"{percent(MANY_LOST)} in {_cells(found['cells_with_many_lost'])}"
         )
         if found["lost_share"]:
             yield LOST
-        if not self.data_sheet.startswith("no "):
-            yield data_sheet.NOTE
-        yield (
-            "95 %: of the errors of all runs of a cell and its neighbours; each run is represented "
-            "by ten order statistics of its errors, the 5th, 15th … 95th percentile"
-        )
+        if verbose:
+            yield from self._method()
         if found["cells_without_accuracy"]:
             yield (
                 f"no accuracy is possible in {_cells(found['cells_without_accuracy'])}: places all "
@@ -270,11 +266,6 @@ class AreaMap(OverPlaces):
             )
         if found["cells_without_estimate"]:
             yield f"more than 5 % without an estimate in {_cells(found['cells_without_estimate'])}"
-        if self.widened:
-            yield (
-                f"the colours span {_span(self.colours)}, further than the errors do, so that "
-                "noise does not look like a structure"
-            )
         yield from self.failed()
         rows, columns = self.grid.shape
         north, east = self.grid.size
@@ -286,6 +277,19 @@ class AreaMap(OverPlaces):
         yield f"the diver {self.motion}; errors count from {s['settling_s']:g} s to "\
               f"{s['duration_s']:g} s"
         yield from self.warned()
+
+    def _method(self) -> Iterator[str]:
+        if not self.data_sheet.startswith("no "):
+            yield data_sheet.NOTE
+        yield (
+            "95 %: of the errors of all runs of a cell and its neighbours; each run is represented "
+            "by ten order statistics of its errors, the 5th, 15th … 95th percentile"
+        )
+        if self.widened:
+            yield (
+                f"the colours span {_span(self.colours)}, further than the errors do, so that "
+                "noise does not look like a structure"
+            )
 
     def _gist(self) -> str:
         return f"of {self.receiver}, {self.grid.count:,} cells"

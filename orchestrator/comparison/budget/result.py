@@ -201,25 +201,25 @@ class Budget(Answer):
         frame
             ``absolute``, or ``own_relative`` if the receiver has such an output.
         verbose
-            Also explain how the numbers were made.
+            Add the columns of each source alone and of what is possible, and how the numbers were
+            made.
         width
             Columns of the terminal; None: lines are not wrapped.
         """
         notes = [*self._notes(frame), *(self._method() if verbose else ())]
         about = "" if frame == "absolute" else f"Error of the {FRAMES[frame]}. "
-        lines = [f"{about}{self.answer_of(frame)}.", "", *self._rows(frame, width)]
+        lines = [f"{about}{self.answer_of(frame)}.", "", *self._rows(frame, verbose, width)]
         lines += [""] if notes else []
         fitted = [layout.fitted(line, width) for line in (lines[0], *notes)]
         return "\n".join([fitted[0], *lines[1:], *fitted[1:]])
 
-    def _rows(self, frame: str, width: int | None) -> Iterator[str]:
+    def _rows(self, frame: str, verbose: bool, width: int | None) -> Iterator[str]:
         done = "better" if self.better else "off"
         interval = percent(CONFIDENCE, ".0f")
-        head = [
-            done, ROWS.head("share"), interval, f"{ROWS.head('rms_m')} {done}",
-            ROWS.head("alone_share"), ROWS.head("alone_rms_m"),
-        ]  # fmt: skip
-        bound = not np.isnan(self.of(frame)["bound_rms_m"]).all()
+        head = [done, ROWS.head("share"), interval, f"{ROWS.head('rms_m')} {done}"]
+        bound = verbose and not np.isnan(self.of(frame)["bound_rms_m"]).all()
+        if verbose:
+            head += [ROWS.head("alone_share"), ROWS.head("alone_rms_m")]
         if bound:
             head += [self.bound_kind, f"its {ROWS.head('bound_rms_m')} {done}"]
         body = []
@@ -228,8 +228,9 @@ class Budget(Answer):
                 self.label(str(name)),
                 whole_percent(row["share"]), _interval(row["share_low"], row["share_high"]),
                 short_length(row["rms_m"]),
-                whole_percent(row["alone_share"]), short_length(row["alone_rms_m"]),
             ]
+            if verbose:
+                cells += [whole_percent(row["alone_share"]), short_length(row["alone_rms_m"])]
             if bound:
                 cells += [whole_percent(row["bound_share"]), short_length(row["bound_rms_m"])]
             body.append(cells)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -84,7 +84,9 @@ class Many(Answer):
         it, lines = self.runs, list[str]()
         for receiver in self.receivers:
             lines += sentences.beside(it, self.scenario_name, receiver)
-        return [*lines, *sentences.start(it), *sentences.unbounded(it), *self._unsaid]
+            lines += sentences.lost(it, self.scenario_name, receiver)
+        bounds = [*sentences.unbounded_means(it), *sentences.unbounded(it)]
+        return [*lines, *sentences.start(it), *bounds, *self._unsaid]
 
     def rms_m(self, which: str) -> float:
         """RMS total error of the first receiver in a selected run [m]."""
@@ -130,35 +132,45 @@ class Many(Answer):
         return self.runs.problems
 
     def text(self, *, verbose: bool = False, width: int | None = None) -> str:
-        """The answer, then means and spread for each receiver.
+        """The answer, a sentence for a data sheet, and a small table of the receivers.
 
         Parameters
         ----------
         verbose
-            Add the verdict on each covariance.
+            Add the sentence for a data sheet of every receiver, the spread over the runs, the
+            verdict on each covariance, and explanations of these numbers.
         width
             Columns to fit into; None: sentences are not wrapped.
         """
         it, place = self.runs, self.scenario_name
         sheet = [line for line in self.data_sheet if line not in self._unsaid]
-        lines = [self.answer, *([""] if sheet else []), *sheet, ""]
+        shown = sheet if verbose else sheet[:1]
+        lines = [self.answer, *([""] if sheet else []), *shown, ""]
         lines += [f"{place}: {it.settings['runs']} runs, seeds from {it.settings['seed']}"]
         lines += [*sentences.levels(it, place, width)]
-        lines += ["", *sentences.spreads(it, place, width)]
-        start = len(lines)
-        for receiver in self.receivers:
-            lines += sentences.beside(it, place, receiver)
-            if verbose:
-                said = it.level(place, receiver)["covariance_words"]
-                lines.append(f"{receiver}: covariance {said}")
-        lines += [*sentences.start(it), *sentences.unbounded(it), *self._unsaid]
-        lines += [SHEET] if sheet else []
-        rows = [it.level(place, receiver) for receiver in self.receivers]
-        if verbose or any(row["lost"] for row in rows):
-            lines.append(LOST)
-        lines.append(sentences.WITHIN)
-        lines.insert(start, "")
+        if verbose:
+            lines += ["", *sentences.spreads(it, place, width), "", *self._verbose_notes(sheet)]
+        else:
+            lines += self._notes()
         return fitted("\n".join(lines), width)
+
+    def _notes(self) -> Iterator[str]:
+        """What is needed to read the answer and the small table; it has the lost runs."""
+        it, place = self.runs, self.scenario_name
+        for receiver in self.receivers:
+            yield from sentences.beside(it, place, receiver)
+        yield from (*sentences.start(it), *sentences.unbounded(it), *self._unsaid)
+        if any(it.level(place, receiver)["lost"] for receiver in self.receivers):
+            yield LOST
+
+    def _verbose_notes(self, sheet: Sequence[str]) -> Iterator[str]:
+        yield from self.remarks
+        for receiver in self.receivers:
+            said = self.runs.level(self.scenario_name, receiver)["covariance_words"]
+            yield f"{receiver}: covariance {said}"
+        if sheet:
+            yield SHEET
+        yield from (LOST, sentences.WITHIN)
 
     def write(
         self, folder: Path, theme: style.ThemeName = "light", figures: bool = True

@@ -206,11 +206,18 @@ def _exceptions(it: Tournament) -> Iterator[str]:
 # --- Remarks -------------------------------------------------------------------------------------
 
 
-def notes(it: Tournament) -> Iterator[str]:
-    """Remarks beside the answer: lost and failed runs, tails, too few runs."""
+def notes(it: Tournament, verbose: bool = True) -> Iterator[str]:
+    """Remarks beside the answer: lost and failed runs, tails, too few runs.
+
+    Parameters
+    ----------
+    verbose
+        Whether to include those on means, which only a verbose text prints.
+    """
     for place in (place for place in it.places if place != ALL):
         for receiver in in_place(it, place):
             yield from beside(it, place, receiver)
+            yield from lost(it, place, receiver)
         for row in rows_of(it, place, it.response):
             pair = (row.one, row.other) if row.verdict == "better" else (row.other, row.one)
             sign = {"better": 1, "worse": -1}.get(row.verdict, 0)
@@ -221,6 +228,9 @@ def notes(it: Tournament) -> Iterator[str]:
                 )
     yield from start(it)
     yield from _too_few(it)
+    if verbose:
+        yield from _too_few_for_differences(it)
+        yield from unbounded_means(it)
     yield from unbounded(it)
 
 
@@ -231,21 +241,26 @@ def start(it: Tournament) -> Iterator[str]:
 
 
 def beside(it: Tournament, place: str, receiver: str) -> Iterator[str]:
-    """Remarks on the RMS or the mean of a receiver."""
+    """Remarks on the RMS or the mean of a receiver: failed runs, a heavy tail."""
     row = it.level(place, receiver)
     if row["failed"]:
         yield (
             f"{place}: {receiver} failed in {row['failed']} of {row['runs']} runs, which "
             f"count as worse than any other{_example(it, place, receiver)}"
         )
+    if row["heavy_tailed"]:
+        yield _tail(place, receiver, row, unit_of(it.response))
+
+
+def lost(it: Tournament, place: str, receiver: str) -> Iterator[str]:
+    """How often a receiver was lost, with the interval of the share."""
+    row = it.level(place, receiver)
     if row["lost"]:
         within = interval(100 * row["lost_low"], 100 * row["lost_high"], unit="%")
         yield (
             f"{place}: {receiver} was lost in {row['lost']} of {row['runs']} runs, {within} of "
             "all with 95 % confidence"
         )
-    if row["heavy_tailed"]:
-        yield _tail(place, receiver, row, unit_of(it.response))
 
 
 def _example(it: Tournament, place: str, receiver: str) -> str:
@@ -271,6 +286,11 @@ def _too_few(it: Tournament) -> Iterator[str]:
         least = int(it.differences["least"].max())
         if runs < least:
             yield f"no verdict from {runs} runs: {least} are needed, {least - runs} more"
+
+
+def _too_few_for_differences(it: Tournament) -> Iterator[str]:
+    runs = int(it.settings["runs"])
+    if len(it.differences):
         least = int(it.differences["mean_least"].max())
         if runs < least:
             yield (
@@ -279,13 +299,17 @@ def _too_few(it: Tournament) -> Iterator[str]:
             )
 
 
-def unbounded(it: Tournament) -> Iterator[str]:
-    """Missing bounds for which each receiver has too few runs."""
+def unbounded_means(it: Tournament) -> Iterator[str]:
+    """Missing intervals of means, for which each receiver has too few runs."""
     runs = int(it.settings["runs"])
-    share = it.settings["contamination"]
-    least = least_runs(share, ALPHA / 2)
+    least = least_runs(it.settings["contamination"], ALPHA / 2)
     if runs < least:
         yield f"no interval of a mean from {runs} runs: {least} are needed, {least - runs} more"
+
+
+def unbounded(it: Tournament) -> Iterator[str]:
+    """A missing bound over the runs, for which each receiver has too few."""
+    runs = int(it.settings["runs"])
     least = least_runs(1 - SHARE, ALPHA)
     if runs < least:
         yield (
@@ -298,8 +322,17 @@ def unbounded(it: Tournament) -> Iterator[str]:
 
 
 def text(it: Tournament, verbose: bool = False, width: int | None = None) -> str:
-    """The answer, the remarks, and a table for each place."""
-    lines = [it.answer, *notes(it)]
+    """The answer, the remarks, a table for each place, and one of the differences.
+
+    Parameters
+    ----------
+    verbose
+        Add the spread over the runs, verdicts on covariances, mean differences, the differences in
+        each of several scenarios, and explanations.
+    width
+        Columns of the terminal; None: sentences are not wrapped.
+    """
+    lines = [it.answer, *notes(it, verbose)]
     for place in sorted(it.places, key=lambda place: place != ALL):
         lines += ["", f"{place}: {it.settings['runs']} runs"]
         lines += levels(it, place, width)
@@ -311,16 +344,17 @@ def text(it: Tournament, verbose: bool = False, width: int | None = None) -> str
                 for name in in_place(it, place) if it.level(place, name)["nees_runs"]
             ]  # fmt: skip
         responses = dict.fromkeys((it.response, PERCENTILE)) if verbose else (it.response,)
-        for response in responses:
+        for response in responses if verbose or place == it.places[-1] else ():
             rows = [*_differences(it, place, response)]
             if rows:
                 unit = unit_of(response)
                 head = (f"difference of {words_of(response)}" + (f" [{unit}]" if unit else ""),
                         "better in", "of dives", "median", "95 %, all at once", "mean",
                         "95 %, all at once", "the first is")  # fmt: skip
-                lines += ["", *_table(rows, width, head, range(1, 7), (2, 4, 6))]
-    lost = it.levels["lost"].any()
-    lines += ["", *(_NOTES if verbose else (WITHIN, LOST) if lost else (WITHIN,))]
+                without = () if verbose else (5, 6)
+                lines += ["", *_table(rows, width, head, range(1, 7), (2, 4, 6), without)]
+    explained = _NOTES if verbose else (LOST,) if it.levels["lost"].any() else ()
+    lines += ["", *explained] if explained else []
     return fitted("\n".join(lines), width)
 
 
@@ -358,9 +392,11 @@ def _table(
     head: Sequence[str],
     right: Sequence[int],
     optional: Sequence[int],
+    without: Sequence[int] = (),
 ) -> Iterator[str]:
-    """A table without empty optional columns."""
-    kept = [i for i in range(len(head)) if i not in optional or any(row[i] != "–" for row in rows)]
+    """A table without some columns and without empty optional ones."""
+    empty = [i for i in optional if all(row[i] == "–" for row in rows)]
+    kept = [i for i in range(len(head)) if i not in (*without, *empty)]
     return table(
         [[row[i] for i in kept] for row in rows], width, [head[i] for i in kept],
         [n for n, i in enumerate(kept) if i in right],

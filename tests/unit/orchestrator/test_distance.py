@@ -264,6 +264,11 @@ def test_from_too_few_runs_there_is_no_sentence_and_it_says_how_many_it_takes() 
         "no data-sheet sentence from 58 runs at each distance: 59 are needed, 1 more"
     ]
     assert data_sheet.NOTE not in few.remarks
+    assert data_sheet.NOTE not in few.text(verbose=True)
+    enough = sblcosim.map_distance("realistic-dive", 20, 5.0, cells=2, runs=59, **SHORT)
+    assert data_sheet.NOTE in enough.remarks
+    assert data_sheet.NOTE in enough.text(verbose=True)
+    assert data_sheet.NOTE not in enough.text()
     area = sblcosim.map_area("realistic-dive", "9x9", 5.0, cells=2, runs=2, **SHORT)
     least = int(np.ceil(59 / effective((2, 2))))
     assert area.data_sheet.endswith(f"in each cell: {least} are needed, {least - 2} more")
@@ -332,7 +337,7 @@ def test_the_sentence_of_many_runs_is_that_of_all_their_estimates(name: str) -> 
                              {"time.duration_s": 30.0}, runs=60)  # fmt: skip
     (said,) = many.data_sheet
     assert said in str(many)
-    assert data_sheet.NOTE in str(many)
+    assert data_sheet.NOTE in many.text(verbose=True)
     assert ", ".join(conditions(sblcosim.load(name))) in said
     bound = float(re.findall(r"within ([\d.]+) m", said)[0])
     lengths = []

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import re
 import time
+import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -244,11 +246,15 @@ def test_too_few_runs_are_said_with_the_number_that_is_missing() -> None:
     )}  # fmt: skip
     it = evaluate(few, {**SETTINGS, "runs": 8})
     assert set(it.differences["verdict"]) == {"undecided"}
-    said = it.text()
+    said, more = it.text(), it.text(verbose=True)
     assert it.answer.startswith("Whether a is better than c and b is undecided after 8 runs")
-    assert "no verdict from 8 runs: 9 are needed, 1 more" in said
-    assert "no interval of a mean from 8 runs: 72 are needed, 64 more" in said
-    assert "no bound for 95 % of the runs from 8: 59 are needed, 51 more" in said
+    means = "no interval of a mean from 8 runs: 72 are needed, 64 more"
+    assert means in more
+    assert means not in said  # it has none
+    for line in ("no verdict from 8 runs: 9 are needed, 1 more",
+                 "no bound for 95 % of the runs from 8: 59 are needed, 51 more"):
+        assert line in said
+        assert line in more
 
 
 def test_columns_of_which_nothing_is_known_are_left_away() -> None:
@@ -521,6 +527,66 @@ def test_the_typical_and_the_worst_run_are_those_of_the_table(several: many.Many
     )
 
 
+SCREEN = 24
+"""Lines of a terminal, two of them to say where the result is."""
+
+
+@pytest.fixture(scope="module")
+def sixty() -> many.Many:
+    return sblcosim.run_many(
+        "harbour-square", ["coupled", "ekf"], {"time.duration_s": 60.0}, runs=60, workers=1
+    )
+
+
+@pytest.mark.parametrize("lost", [0, 2])
+def test_the_first_screen_of_many_runs_is_the_verdicts_and_one_small_table(
+    sixty: many.Many, lost: int
+) -> None:
+    table = sixty.runs.table.assign(**{
+        f"{name}.lost": np.arange(60) < lost for name in sixty.receivers
+    })  # fmt: skip
+    it = replace(sixty, runs=evaluate({"harbour-square": table}, sixty.runs.settings))
+    said, more = it.text(width=60), it.text(width=60, verbose=True)
+    for text in (said, more):
+        assert max(map(len, text.splitlines())) <= 60
+        words = " ".join(text.split())
+        assert words.startswith(" ".join(it.answer.split()))
+        for sheet in it.data_sheet[: 2 if text is more else 1]:
+            assert sheet in words
+        assert words.count(LOST) == (lost > 0 or text is more)
+        assert f"lost in {lost} of 60 runs" in words
+    assert len(said.splitlines()) <= SCREEN - 2
+    assert it.data_sheet[1] not in " ".join(said.split())
+    for word in ("median", "std", "interval", "order statistic", "NEES"):
+        assert word not in said
+        assert word in " ".join(more.split())
+
+
+def test_compare_prints_differences_of_all_scenarios_and_means_on_request() -> None:
+    it = made_up()
+    said, more = it.text(), it.text(verbose=True)
+    heads = [re.split(r"\s{2,}", line.strip()) for line in said.splitlines()
+             if line.startswith("difference of")]  # fmt: skip
+    assert heads == [["difference of RMS total error [m]", "better in", "of dives", "median",
+                      "95 %, all at once", "the first is"]]  # fmt: skip
+    rows = [line for line in said.splitlines() if line.startswith("a − ")]
+    assert len(rows) == len(it.receivers) - 1
+    assert more.count("\ndifference of ") == 2 * len(it.places)
+    assert said.count(" runs\n") == more.count(" runs\n") == len(it.places)
+
+
+def test_a_table_of_many_columns_is_put_together_without_a_warning() -> None:
+    base = runs_of({"a": noise(1, 1.0), "b": noise(2, 2.0)})
+    many_ = pd.DataFrame(
+        {**dict(base.items()), **{f"a.column{i}": noise(i, 1.0) for i in range(120)}}
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        table = evaluate({"x": many_}, SETTINGS).table
+    assert [*table.columns] == ["scenario", *(c for c in many_.columns if c != "scenario")]
+    assert (table["scenario"] == "x").all()
+
+
 def test_many_runs_are_a_folder_with_two_results_that_is_replaced_whole(
     several: many.Many, tmp_path: Path
 ) -> None:
@@ -647,10 +713,11 @@ def test_too_few_runs_for_the_mean_of_a_pair_are_said(
     said = f"no interval of a mean difference from {runs} runs: {least} are needed, {least - runs} "
     it = evaluate({"x": table.head(runs)}, SETTINGS | {"runs": runs})
     assert it.differences["mean_low"].isna().all()
-    assert said in it.text()
+    assert said in it.text(verbose=True)
+    assert "mean difference" not in it.text()  # it has none
     it = evaluate({"x": table.head(least)}, SETTINGS | {"runs": least})
     assert it.differences["mean_low"].notna().all()
-    assert "no interval of a mean" not in it.text()
+    assert "no interval of a mean" not in it.text(verbose=True)
 
 
 @pytest.mark.parametrize("response", ["lost", "broken", "inconsistent"])
@@ -674,8 +741,9 @@ def test_columns_of_percentages_are_said_to_be_order_statistics(verbose: bool, l
     gone = {"a": np.arange(RUNS) < 3 * lost}
     it = evaluate({"x": runs_of({"a": base, "b": base + 1}, gone)}, SETTINGS)
     said = it.text(verbose=verbose)
-    assert said.count("95 % in a run, or of the time: an order statistic, of a run's n errors") == 1
-    assert "upper confidence bound of the 95th percentile over the runs, by order" in said
+    for line in ("95 % in a run, or of the time: an order statistic, of a run's n errors",
+                 "upper confidence bound of the 95th percentile over the runs, by order"):
+        assert said.count(line) == verbose
     assert said.count(LOST) == (verbose or lost)
 
 
