@@ -1,4 +1,4 @@
-"""What a study's table says: effects, intervals, advice, and their figures."""
+"""Analyses of a study's table: effects, intervals, advice, and their figures."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = [
     "Advice", "Factorial", "advice_on_study", "advise", "analyse", "of_study", "of_table",
 ]  # fmt: skip
 
-if not TYPE_CHECKING:  # a checker would take any name for one of ours
+if not TYPE_CHECKING:  # a type checker would accept any name
     __getattr__, __dir__ = lazy.names(
         __name__,
         {

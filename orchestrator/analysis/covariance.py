@@ -17,19 +17,19 @@ UNTOLD = ("one run", "unknown")
 
 
 def by_point(table: pd.DataFrame, factors: Sequence[str] = ()) -> pd.DataFrame:
-    """Verdicts over the replicates of each point, whose seeds differ.
+    """Verdicts over the replicates of each point, which have different seeds.
 
     Parameters
     ----------
     table
-        Of runs; one that has failed counts for the receivers that have not.
+        Table of runs. A failed run counts for the receivers that did not fail.
 
     Returns
     -------
     DataFrame
-        ``receiver``, ``frame`` (``absolute``, and ``own_relative`` for who has it), ``point``, the
-        factors' values, the fields of `sblcosim.judge.consistency.Verdict`, and ``words``.
-        Without the receivers and frames that have no NEES.
+        ``receiver``, ``frame`` (``absolute``, and ``own_relative`` for receivers that have it),
+        ``point``, the factors' values, the fields of `sblcosim.judge.consistency.Verdict`, and
+        ``words``. Receivers and frames without a NEES are left out.
     """
     rows: list[dict[str, Any]] = []
     for receiver, frame, column in _columns(table):
@@ -51,7 +51,7 @@ def by_point(table: pd.DataFrame, factors: Sequence[str] = ()) -> pd.DataFrame:
 
 
 def _lost(table: pd.DataFrame, receiver: str) -> NDArray[np.float64]:
-    """Whether a receiver is lost, 1 or 0, run by run; one that has failed is not."""
+    """Whether a receiver is lost in each run, 1 or 0; a failed receiver is not."""
     column = f"{receiver}.lost"
     if column not in table:
         return np.zeros(len(table))
@@ -75,9 +75,9 @@ def summary(verdicts: pd.DataFrame) -> pd.DataFrame:
     -------
     DataFrame
         One row per receiver and frame: ``receiver``, ``frame``, ``points``; the number of points
-        that are ``in_band``, ``optimistic``, ``pessimistic`` and ``untold``; of those two in the
-        middle the factors on the standard deviation, ``…_from`` and ``…_to`` (NaN without any);
-        ``runs`` (least at a point) and ``runs_needed`` (most at a point).
+        that are ``in_band``, ``optimistic``, ``pessimistic`` and ``untold``; the range of the
+        factors on the standard deviation, ``…_from`` and ``…_to``, for optimistic and pessimistic
+        points (NaN without any); ``runs`` (least at a point) and ``runs_needed`` (most at a point).
     """
     rows: list[dict[str, Any]] = []
     groups = verdicts.groupby(["receiver", "frame"], sort=False) if len(verdicts) else ()
@@ -96,7 +96,7 @@ def summary(verdicts: pd.DataFrame) -> pd.DataFrame:
 
 
 def sentences(verdicts: pd.DataFrame) -> dict[str, list[str]]:
-    """What is said of each receiver: a sentence for each of its covariances."""
+    """The sentences about each receiver, one for each of its covariances."""
     said: dict[str, list[str]] = {}
     rows: list[dict[Any, Any]] = summary(verdicts).to_dict(orient="records")
     for row in rows:
@@ -125,9 +125,9 @@ def _over_points(row: dict[Any, Any], mine: pd.DataFrame) -> str:
     if row["in_band"]:
         parts.append(f"in band at {row['in_band']}")
     if row["untold"]:
-        parts.append(f"not to be told at {row['untold']}")
+        parts.append(f"unknown at {row['untold']}")
     needed = row["runs_needed"]
     enough = "" if pd.isna(needed) or needed <= row["runs"] else (
-        f"; up to {needed} would tell a factor of {TELLING:g}"
+        f"; up to {needed} would reveal a factor of {TELLING:g}"
     )
-    return f"{', '.join(parts)} (95 % each, from {row['runs']} runs a point{enough})"
+    return f"{', '.join(parts)} (95 % each, from {row['runs']} runs per point{enough})"

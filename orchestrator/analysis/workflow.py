@@ -1,4 +1,4 @@
-"""The analysis that the design of a study asks for, of its folder of results."""
+"""The analysis that a study's design asks for, from its folder of results."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def of_study(
 ) -> Factorial:
     """Analyse the runs in a folder of results; see `sblcosim.analysis.two_level.analysis.analyse`.
 
-    The tables have the columns' names; what is printed or drawn has the study's labels.
+    Tables have the names of columns. Texts and figures have the study's labels.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def of_study(
     Raises
     ------
     ConfigurationError
-        There are no runs, no such receiver or response, or the design cannot be analysed so.
+        There are no runs, there is no such receiver or response, or the design has no effects.
     """
     study = study_of(results)
     table = store.table(results, needed(study, response, receiver))
@@ -83,7 +83,7 @@ def of_table(
     error: Error = "pure",
     practical: float | None = None,
 ) -> Factorial:
-    """As `of_study`, for a study and its runs."""
+    """Like `of_study`, for a study and its runs."""
     if study.design.kind not in FACTORIAL:
         raise ConfigurationError(
             f"{study.name}: must be a two-level factorial design ({' or '.join(FACTORIAL)}) for an "
@@ -112,7 +112,7 @@ def of_grid(
 ) -> GeneralFactorial:
     """Analyse a design of any levels; see `sblcosim.analysis.levels.analysis.analyse`.
 
-    Conditions are put together first, and receivers that are a factor are one here.
+    The runs of all conditions are first combined. Receivers may be a factor.
     """
     column = column_of(table, response, receiver)
     chosen = of_choices(study, table, column)
@@ -132,7 +132,7 @@ def of_grid(
 def _with_worst_run(
     analysis: GeneralFactorial, study: Study, table: pd.DataFrame, column: str
 ) -> GeneralFactorial:
-    """The same with the run that has the largest response, of any receiver that is a level."""
+    """A copy with the run that has the largest response of any receiver that is a level."""
     if "run_id" not in table:
         return analysis
     own = column.partition(".")[2]
@@ -143,7 +143,7 @@ def _with_worst_run(
     each = np.where(np.isfinite(values), values, -np.inf).max(axis=1)
     row = int(each.argmax())
     worst = str(table["run_id"].iloc[row])
-    # Of runs put together the largest is less: whether medians stand first can change with it.
+    # Combined runs have a smaller maximum, so medians may now come first.
     return judged(replace(analysis, largest=float(each[row]), worst_run=worst))
 
 
@@ -160,7 +160,7 @@ def of_space(
     Parameters
     ----------
     transform
-        None: the logarithm of what is simulated, and what a function returns as it is.
+        Default: the logarithm for simulations, none for the values of a function.
     """
     assert study.sample is not None
     column = column_of(table, response, receiver)

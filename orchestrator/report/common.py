@@ -17,37 +17,36 @@ from .page import Block, Code, PageTable, Section, Text
 
 METHOD = {
     "ols": "Each run has noise of its own. Effects come from ordinary least squares in coded units "
-    "(−1 low, +1 high; an effect is twice its coefficient), their uncertainty from ",
-    "replicates": "The runs of a replicate share their noise (common random numbers), so that "
-    "their errors are not independent. Effects are taken in each replicate; their uncertainty is "
+    "(−1 low, +1 high; an effect is twice its coefficient). Their uncertainty comes from ",
+    "replicates": "The runs of a replicate share their noise (common random numbers), so their "
+    "errors are not independent. Effects are computed in each replicate. Their uncertainty is "
     "their scatter over the replicates.",
-    "lenth": "As many terms as points: no run is left to estimate the error from. The uncertainty "
-    "is Lenth's pseudo standard error, from the small effects themselves.",
+    "lenth": "The model has as many terms as there are points, so no run is left to estimate the "
+    "error from. The uncertainty is Lenth's pseudo standard error, which the small effects give.",
 }
 ERROR = {
-    "pure": "the scatter of the runs about the means of their points (the pure error), which holds "
-    "nothing of what the model leaves out.",
-    "residual": "the scatter of the runs about the model, which also holds what the model leaves "
-    "out.",
+    "pure": "the scatter of the runs about the means of their points (the pure error). It excludes "
+    "what the model leaves out.",
+    "residual": "the scatter of the runs about the model. It includes what the model leaves out.",
 }
 DEFINITIONS = (
-    "Errors are estimate minus truth, x, y, z north, east, down; the total error is their length. "
-    "The RMS is over a run, after the settling time; the mean is over runs. Absolute errors are "
-    "those in the world. Errors relative to the platform as it reports itself are less the mean "
-    "over the beacons of reported minus true position; errors relative to the platform's true "
-    "position are those of receivers that say by themselves where they are from it. "
-    f"{ORDER_STATISTIC} {LOST}"
+    "An error is the estimate minus the truth; x, y and z are north, east and down. The total "
+    "error is its length. The RMS is over a run, after the settling time; the mean is over runs. "
+    "Absolute errors are errors in the world. For errors relative to the platform as it reports "
+    "itself, the platform's own error is subtracted: the mean over the beacons of reported minus "
+    "true position. Errors relative to the platform's true position exist for receivers that "
+    f"estimate their position from it. {ORDER_STATISTIC} {LOST}"
 )
 
 
 def method(analysis: Factorial) -> str:
-    """Where the uncertainties come from."""
+    """The source of the uncertainties."""
     text = METHOD[analysis.method]
     return text + ERROR[str(analysis.error)] if analysis.method == "ols" else text
 
 
 def software() -> PageTable:
-    """Versions of all software behind the numbers."""
+    """Versions of all software that produced the numbers."""
     return PageTable("Software", ("Package", "Version"), list(artifacts.software().items()), (1,))
 
 
@@ -57,7 +56,7 @@ def fmu_table(fmus: Mapping[str, str]) -> PageTable:
 
 
 def seeding(study: Study) -> str:
-    """The seeds of the runs."""
+    """The range of the runs' seeds, and how points share them."""
     last = study.run_seed(len(study.points.values), study.replicates)
     how = {"independent": "each run has its own", "common": "the points of a replicate share one"}
     return f"seeds {study.seed} to {last} ({how[study.seeding]})"
@@ -76,22 +75,21 @@ def as_toml(tables: Mapping[str, Any], above: str = "") -> str:
 
 
 def _toml_key(key: str) -> str:
-    """A key, or a path of keys, quoted where TOML wants it."""
+    """A key, or a path of keys, quoted where TOML requires it."""
     return key if re.fullmatch(r"[A-Za-z0-9_.-]+", key) else json.dumps(key, ensure_ascii=False)
 
 
 def reproduce(
     commands: Sequence[str], lines: Sequence[str], fmus: Mapping[str, str], file: str = ""
 ) -> Section:
-    """How to reproduce the results; `file` is the text of the study's file, if it needs one."""
-    given: list[Block] = [Text("Save this as a file of the name below:"), Code(file)]
+    """How to reproduce the results; `file` is the text of the study's file, if one is needed."""
+    given: list[Block] = [Text("Save this under the name below:"), Code(file)]
     blocks: list[Block] = [
         *(given if file else ()),
         Code("\n".join(commands)),
         *(Text(line) for line in lines),
-        Text("Equal versions, seeds and FMUs give equal results to the last bit, whatever the "
-             "number of workers. Any run can be done again with its full record: "
-             "sblcosim replay RESULTS RUN_ID."),
+        Text("Equal versions, seeds and FMUs give equal results to the last bit, with any number "
+             "of workers. To repeat a run with its full record: sblcosim replay RESULTS RUN_ID."),
         fmu_table(fmus),
         software(),
     ]

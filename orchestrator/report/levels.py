@@ -1,4 +1,4 @@
-"""The part of a study's report that is of a grid: factors with any number of levels."""
+"""The part of a study's report for a grid: factors with any number of levels."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from .parts import StudySections, pictures
 from .two_level import factor_table
 
 MOST_ROWS = 60
-"""Pairs of levels that a table of the page shows; the file has all."""
+"""Most pairs of levels in a table of the page; the file has all."""
 
 
 def parts(study: Study, analysis: GeneralFactorial, drawn: Path | None) -> StudySections:
-    """What is said and drawn of a grid; figures that are drawn already are in a folder."""
+    """Sentences, figures and tables of a grid; `drawn` is a folder with finished figures."""
     a = analysis.readable
     return StudySections(
         f"Which level is best: {study.name}",
@@ -60,9 +60,9 @@ def _medians(a: GeneralFactorial) -> PageTable:
     ]  # fmt: skip
     unit = f" [{a.measured_in}]" if a.measured_in else ""
     head = ("Factor", "Level", f"Median {a.response}{unit}", "Interval")
-    note = ("Of all runs at the level; intervals of order statistics, each of its level alone, "
-            "which suppose nothing of the runs' distribution. The answer has wider ones, which "
-            "hold for all levels of a factor at once.")
+    note = ("Medians of all runs at the level. The intervals come from order statistics, assume "
+            "nothing about the runs' distribution, and each hold for one level alone. The answer "
+            "has wider intervals, which hold for all levels of a factor at once.")
     return PageTable("Medians of the levels", head, rows, (1,), note)
 
 
@@ -83,7 +83,7 @@ def _pairs(a: GeneralFactorial) -> PageTable:
     head = ("Factor", "Levels", f"{what}{own}", f"Simultaneous interval{own}",
             "p, adjusted", *([] if a.practical is None else ["Verdict"]))
     note = "" if len(ordered) == len(a.pairs) else (
-        f"The {len(ordered)} that stand out most of {len(a.pairs)}; pairs.csv has all."
+        f"The {len(ordered)} clearest of {len(a.pairs)} pairs; pairs.csv has all."
     )
     return PageTable("Pairs of levels", head, rows, (1,), note)
 

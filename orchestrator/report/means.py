@@ -1,4 +1,4 @@
-"""The part of a study's report that is of a sweep, or of a study without factors: means."""
+"""The part of a study's report for a sweep, or for a study without factors: means."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ class Means(Answer):
     Attributes
     ----------
     response, unit, quantity
-        Column of the table of runs, its unit, and its words.
+        Column of the table of runs, its unit, and its description.
     runs
-        That were analysed.
+        Number of runs that were analysed.
     table
-        Of `sblcosim.analysis.means.analysis.means`.
+        Table from `sblcosim.analysis.means.analysis.means`.
     sentence
         The answer.
     """
@@ -54,12 +54,12 @@ class Means(Answer):
 
     @property
     def title(self) -> str:
-        """Of a page."""
+        """Title of a page."""
         return f"What the runs say: {self.study.name}"
 
     @property
     def answer(self) -> str:
-        """In a sentence or two."""
+        """The answer, in a sentence or two."""
         return self.sentence
 
     @property
@@ -74,7 +74,7 @@ class Means(Answer):
 
     @property
     def remarks(self) -> list[str]:
-        """What the response is."""
+        """Definition of the response."""
         return [*defined(self.response)]
 
     def to_json(self) -> dict[str, Any]:
@@ -86,11 +86,11 @@ class Means(Answer):
         return plain
 
     def manifest(self) -> dict[str, Any]:
-        """What was analysed."""
+        """The question: response and factors."""
         return {"analysis": {"response": self.response, "factors": list(self.study.factors)}}
 
     def text(self, *, verbose: bool = False, width: int | None = None) -> str:
-        """The answer, then the table; as `sblcosim.analysis.two_level.analysis.Factorial.text`."""
+        """The answer, then the table; see `sblcosim.analysis.two_level.analysis.Factorial.text`."""
         shown = self.table.replace({"factor": self.study.labels})
         shown = shown if self.study.factors else shown.drop(columns=["factor", "value"])
         rows = [[x if isinstance(x, str) else f"{x:.4g}" for x in row] for row in shown.to_numpy()]
@@ -117,8 +117,8 @@ def _answer(study: Study, means: pd.DataFrame, what: str, unit: str) -> str:
         row = means.iloc[0]
         return (
             f"Mean {what} {number(row['mean'], 4)}{unit}, "
-            f"{interval(row['low'], row['high'], number)}{unit}. The study has no factors: there "
-            "are no effects to analyse."
+            f"{interval(row['low'], row['high'], number)}{unit}. The study has no factors, so "
+            "there are no effects to analyse."
         )
     parts = []
     for name in study.factors:
@@ -131,13 +131,13 @@ def _answer(study: Study, means: pd.DataFrame, what: str, unit: str) -> str:
             f"and highest, {number(worst['mean'])}{unit}, at {ends[1]}"
         )
     return (
-        f"Mean {what}, one factor at a time: {'; '.join(parts)}. This is a sweep, no "
-        "factorial design: it has no interactions and no effects to test."
+        f"Mean {what}, one factor at a time: {'; '.join(parts)}. This is a sweep and not a "
+        "factorial design, so it has no interactions and no effects to test."
     )
 
 
 def _shared(study: Study) -> str:
-    """Which rows of the means are of the same runs."""
+    """A note on the rows of the means that share their runs."""
     base = dict(zip(study.factors, study.sweep_base, strict=False))
     own = [name for name, value in base.items() if value in study.factors[name].levels]
     if len(own) < 2:
@@ -145,11 +145,11 @@ def _shared(study: Study) -> str:
     rows = ", ".join(
         f"{study.labels[name]} {quantity(float(base[name]), study.units[name])}" for name in own
     )
-    return f"These rows are of the same runs, all factors at the scenario's own values: {rows}."
+    return f"These rows share their runs, with all factors at the scenario's own values: {rows}."
 
 
 def _shown(means: Means) -> tuple[pd.DataFrame, str, Mapping[str, str]]:
-    """What the figure shows: the table with labels, the quantity with its unit, and units."""
+    """Data of the figure: the table with labels, the quantity with its unit, and units."""
     study = means.study
     own = f" [{means.unit}]" if means.unit else ""
     units = {study.labels[name]: study.units[name] for name in study.factors}
@@ -157,7 +157,7 @@ def _shown(means: Means) -> tuple[pd.DataFrame, str, Mapping[str, str]]:
 
 
 def _caption(means: Means) -> str:
-    return f"Mean {means.quantity} at each level; bars are the intervals of the means."
+    return f"Mean {means.quantity} at each level. Bars are the intervals of the means."
 
 
 FIGURES: Mapping[str, Figure[Means]] = by_name(
@@ -170,7 +170,7 @@ FIGURES: Mapping[str, Figure[Means]] = by_name(
 
 
 def parts(means: Means, drawn: Path | None) -> StudySections:
-    """What is said and drawn of means; figures that are drawn already are in a folder."""
+    """Sentences, figures and tables of means; `drawn` is a folder with finished figures."""
     study, unit = means.study, means.unit
     own = f" [{unit}]" if unit else ""
     rows = [

@@ -1,8 +1,8 @@
-"""A report as one HTML file that needs nothing else: no network, no other file.
+"""A report as one HTML file, which needs no network and no other file.
 
-Its content is data (a `Page` of `Section`); its look is in ``report.html.jinja`` and
-``report.css``. Figures are drawn once: their colours become CSS variables, so that the same drawing
-is right on light paper, on dark paper and in print.
+Its content is data (a `Page` of `Section`). Its look is in ``report.html.jinja`` and
+``report.css``. Figures are drawn once. Their colours become CSS variables, so the same drawing
+suits light paper, dark paper and print.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from .. import layout, shown
 from ..style import THEMES, Theme, ThemeName, named
 
 NARROW, WIDEST = 40, 125
-"""Characters of a table that fit into a telephone, and into the page at its widest."""
+"""Width of a table that fits a telephone, and the page at its widest [characters]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """A paragraph; a ``note`` is smaller, an ``answer`` stands out."""
+    """A paragraph. A ``note`` is smaller, an ``answer`` stands out."""
 
     text: str
     kind: Literal["plain", "note", "answer"] = "plain"
@@ -48,13 +48,13 @@ class PageTable:
     Attributes
     ----------
     head
-        Of each column.
+        Headings of the columns.
     rows
-        The first cell of each is its header.
+        Cells; the first cell of a row is its heading.
     words
-        Columns that hold words, not numbers; the first one does anyway.
+        Columns with words instead of numbers, besides the first one.
     note
-        Below it.
+        Text below the table.
     """
 
     caption: str
@@ -65,11 +65,11 @@ class PageTable:
 
     @property
     def characters(self) -> int:
-        """About how many characters wide it is at least; heads and words are wrapped."""
+        """Approximate least width [characters]; headings and words are wrapped."""
         total = 0
         for i, (head, *cells) in enumerate(zip(self.head, *self.rows, strict=True)):
             lines = " ".join([head, *cells]).split() if i in self.words else [*head.split(), *cells]
-            least = 17 if i in self.words else 0  # as the style sheet has it
+            least = 17 if i in self.words else 0  # as in the style sheet
             total += 3 + max([least, *map(len, lines)])
         return total
 
@@ -87,9 +87,9 @@ class PageTable:
 
 @dataclass(frozen=True, slots=True)
 class PagePicture:
-    """A figure: the text of an SVG file, its caption, and a text for readers who do not see it.
+    """A figure: the text of an SVG file, its caption, and a text for readers who cannot see it.
 
-    `name` is unique in the page. On a narrow one, the picture `narrow` is in its place.
+    `name` is unique in the page. A narrow page shows the picture `narrow` instead.
     """
 
     name: str
@@ -180,7 +180,7 @@ def inline(picture: PagePicture, theme: ThemeName = "light") -> str:
     Parameters
     ----------
     theme
-        In which it was drawn.
+        Theme of the drawing.
     """
     text = picture.svg[picture.svg.index("<svg") :]
     text = re.sub(r"\s*<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
@@ -188,7 +188,7 @@ def inline(picture: PagePicture, theme: ThemeName = "light") -> str:
     text = re.sub(r"<!--.*?-->\s*", "", text, flags=re.DOTALL)
     text = text.replace("xlink:href", "href")
     text = re.sub(r"[ \n]+(xmlns(:\w+)?|version)=\"[^\"]*\"", "", text)
-    # identifiers are unique in a file only
+    # identifiers are unique only within a file
     text = re.sub(r'\bid="([^"]*)"', rf'id="{picture.name}-\1"', text)
     text = re.sub(r'href="#([^"]*)"', rf'href="#{picture.name}-\1"', text)
     text = re.sub(r"url\(#([^)]*)\)", rf"url(#{picture.name}-\1)", text)

@@ -1,4 +1,4 @@
-"""What a report of a study is made of, whatever its design."""
+"""The parts of a study's report that all designs share."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ class StudySections:
     Attributes
     ----------
     title, answer, warnings
-        Of the page; what is found, in sentences; what stands against it.
+        Title of the page; the findings in sentences; doubts about them.
     pictures, tables, method
         Figures, tables of numbers, and how they were made.
     runs
-        That were analysed.
+        Number of runs that were analysed.
     heading
-        Of the tables.
+        Heading of the tables.
     """
 
     title: str
@@ -42,9 +42,9 @@ class StudySections:
 def pictures(
     figures: Mapping[str, Figure[Subject]], subject: Subject, folder: Path | None
 ) -> list[PagePicture]:
-    """The figures of a subject for a page: as they are in a folder, or drawn for it alone.
+    """The figures of a subject for a page: read from a folder, or drawn for the page alone.
 
-    They are of the light theme, which a page can turn dark.
+    They have the light theme, which a page can turn dark.
     """
     found = []
     for job in jobs(figures, subject):

@@ -1,4 +1,4 @@
-"""The points of a study's design: how its receivers did at each, and how often they went wrong."""
+"""The points of a study's design: errors of the receivers at each, and how often they fail."""
 
 from __future__ import annotations
 
@@ -17,17 +17,18 @@ COLUMNS = {
     "inconsistent": "inconsistent",
     "lost": "lost",
 }
-"""Responses of a run whose means are shown, and their words."""
+"""Responses of a run whose means are shown, and their headings."""
 _NOTE = (
-    "Mean RMS: mean of the runs' RMS of the total error, in the world, after the settling time. "
-    "The RMS over the runs, root of the mean of their mean squares, is larger. Inconsistent: share "
-    "of the runs whose mean NEES lies above its 95 % band, so that they claim too much. "
+    "Mean RMS: mean over the runs of their RMS total error in the world, after the settling time. "
+    "The RMS error over the runs, the root of the mean of their mean squares, is larger. "
+    "Inconsistent: share of the runs whose mean NEES lies above its 95 % band, so the receiver "
+    "claims too small an error. "
     f"{LOST}"
 )
 
 
 def tables(study: Study, runs: pd.DataFrame) -> list[Block]:
-    """A table with a row for each point, or nothing without runs."""
+    """A table with a row for each point; empty without runs."""
     receivers = [c.removesuffix(".lost") for c in runs.columns if c.endswith(".lost")]
     shown = {
         f"{receiver}.{column}": f"{receiver}: {words}"

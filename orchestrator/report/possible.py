@@ -1,8 +1,8 @@
-"""What is possible at the points of a study, beside what its receivers reach there.
+"""The possible error at the points of a study, beside the error of its receivers.
 
-One run of the raw fix per point, for the path and the packets that were received, and the reference
-along it (`sblcosim.limits`): some tenths of a second each. Studies with many points get the two
-points with the smallest and the largest error only.
+Each point takes one run of the raw fix, which gives the path and the packets received, and the
+reference along it (`sblcosim.limits`): some tenths of a second. For studies with many points, only
+the two points with the smallest and the largest error are computed.
 """
 
 from __future__ import annotations
@@ -27,30 +27,30 @@ from ..words.numbers import number, quantity
 from .page import Block, PageTable
 
 MOST_POINTS = 8
-"""Of a study all of whose points are looked at."""
+"""Most points of a study for which all points are computed."""
 RMS = "absolute_total_rms_m"
 _RECEIVER = "multilateration"
 _NOTE = (
-    "Root of the mean square of the total error [m]. The reference is the posterior Cramér-Rao "
-    "recursion along the path, with the packets received and the true noises of one run of each "
-    "point, after the settling time. Where the motion is drawn from the model it is a bound, which "
-    "no receiver can beat (with the stated priors); on other paths it is a yardstick. "
-    "Relative to the platform: of x − p, the diver's true position minus the platform's. “none”: "
-    "the bearing is known so badly that there is no accuracy."
+    "RMS total error [m]. The reference is the posterior Cramér-Rao recursion along the path, with "
+    "the packets received and the true noises of one run of each point, after the settling time. "
+    "For a motion that is drawn from the model it is a bound: no receiver with the stated priors "
+    "can beat it. On other paths it is a yardstick. Relative to the platform: the error of x − p, "
+    "the diver's true position minus the platform's. “none”: the bearing is known too badly for "
+    "any accuracy."
 )
 
 
 def of_scenario(scenario: Scenario, since_ns: int = 0) -> Possible | None:
-    """What is possible in a run; None if its surroundings are not ours, or cannot be run.
+    """The possible error in a run; None if it has foreign components or cannot be run.
 
     Parameters
     ----------
     since_ns
-        Time after the start from which on epochs count [ns].
+        Time after the start before which epochs do not count [ns].
     """
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # the study has given the warnings
+            warnings.simplefilter("ignore")  # the study has already given the warnings
             result = run(scenario, _RECEIVER)
     except SblcosimError:
         return None
@@ -62,7 +62,7 @@ def of_scenario(scenario: Scenario, since_ns: int = 0) -> Possible | None:
 
 
 def tables(study: Study, runs: pd.DataFrame) -> list[Block]:
-    """A table of the points, or nothing where nothing is known."""
+    """A table of the points; empty where nothing is known."""
     looking_back = _looking_back(study)
     columns = (c for c in runs.columns if c.endswith(f".{RMS}"))
     column = next((c for c in columns if c.partition(".")[0] not in looking_back), None)
@@ -86,12 +86,12 @@ def tables(study: Study, runs: pd.DataFrame) -> list[Block]:
         return []
     receiver = "" if column is None else f", {column.partition('.')[0]}"
     head = ("Point", f"RMS{receiver}", "Reference", "Reference, relative to the platform")
-    left = f" Errors that it leaves out: {', '.join(without)}." if without else ""
+    left = f" The reference leaves out these errors: {', '.join(without)}." if without else ""
     return [PageTable("What is possible", head, rows, (), _NOTE + left)]
 
 
 def _looking_back(study: Study) -> set[str]:
-    """The receivers that know what came after their epochs."""
+    """The receivers that use samples from after their epochs."""
     try:
         plan = resolve(connect(study.base, receivers_of(study)))
     except SblcosimError:  # a file that is no longer there
@@ -100,14 +100,14 @@ def _looking_back(study: Study) -> set[str]:
 
 
 def cells(verdict: Possible) -> tuple[str, str]:
-    """Absolute and relative, as cells of a table."""
+    """The absolute and the relative possible error, as cells of a table."""
     if not verdict.accuracy:
         return "none", "none"
     return number(verdict.absolute_rms), number(verdict.relative_rms)
 
 
 def _chosen(points: int, reached: pd.Series[float] | None) -> list[int]:
-    """The points that are looked at, counted from 1."""
+    """The points to compute, counted from 1."""
     if points <= MOST_POINTS:
         return list(range(1, points + 1))
     known = pd.Series(dtype=float) if reached is None else reached.dropna()

@@ -1,4 +1,4 @@
-"""The part of a study's report that is of a space: Sobol' indices."""
+"""The part of a study's report for a space: Sobol' indices."""
 
 from __future__ import annotations
 
@@ -26,24 +26,24 @@ from .two_level import factor_table
 
 METHOD = (
     "Sobol' indices: the first-order index of a factor is the share of the variance that its value "
-    "alone explains, the total index that which would be left if all others were known. The seed "
-    "is a factor of the design: its index is the share of chance. Estimators of Saltelli (2010) "
-    "and Jansen; Student's t intervals by the jackknife over base rows, of totals on the "
-    "logarithmic scale. A response of two values, such as lost, has intervals of the likelihood of "
-    "its pairs of runs."
+    "alone explains. The total index is the share that would remain if all other factors were "
+    "known. The seed is a factor of the design, so its index is the share of chance. The "
+    "estimators are Saltelli's (2010) and Jansen's. The intervals are Student's t, from the "
+    "jackknife over base rows; those of totals are on the logarithmic scale. For a response with "
+    "two values, such as lost, they come from the likelihood of its pairs of runs."
 )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Indices(Extended):
-    """The indices of a response, and of whether its receiver is lost if some runs are.
+    """The indices of a response, and of whether its receiver is lost, if some runs are.
 
     Attributes
     ----------
     study
-        Whose space it is.
+        The study with the space.
     of
-        The response first.
+        The indices of each, the response first.
     """
 
     study: Study
@@ -51,7 +51,7 @@ class Indices(Extended):
 
     @property
     def main(self) -> Sensitivity:
-        """Of the response."""
+        """The indices of the response."""
         return self.of[0]
 
     @property
@@ -67,7 +67,7 @@ class Indices(Extended):
 
     @property
     def remarks(self) -> list[str]:
-        """What must be known to read the numbers, a line each."""
+        """Remarks that are needed to read the numbers, one line each."""
         return [line for one in self.of for line in one.remarks]
 
     def text(self, *, verbose: bool = False, width: int | None = None) -> str:
@@ -92,13 +92,13 @@ def _figures(number: int, suffix: str) -> tuple[Figure[Indices], ...]:
     return (
         Figure(
             f"indices{suffix}", plots.plot_indices, data,
-            lambda f: f"Sobol' indices of {f.of[number].quantity}, with intervals: what a factor "
-            "explains alone, and together with others. The seed is chance.",
+            lambda f: f"Sobol' indices of {f.of[number].quantity}, with intervals: the share that "
+            "a factor explains alone, and together with others. The seed is chance.",
             lambda f: f"Sobol' indices of {f.of[number].quantity}", has,
         ),
         Figure(
             f"scatter{suffix}", plots.plot_scatter, data,
-            lambda f: f"Independent runs: {f.of[number].quantity} against each factor, and its "
+            lambda f: f"Independent runs: {f.of[number].quantity} against each factor, with its "
             "conditional mean.",
             lambda f: f"Scatter of {f.of[number].quantity} against each factor", has,
         ),
@@ -110,7 +110,7 @@ FIGURES: Mapping[str, Figure[Indices]] = by_name(*_figures(0, ""), *_figures(1, 
 
 
 def parts(indices: Indices, drawn: Path | None) -> StudySections:
-    """What is said and drawn of a space; figures that are drawn already are in a folder."""
+    """Sentences, figures and tables of a space; `drawn` is a folder with finished figures."""
     study, main = indices.study, indices.main
     return StudySections(
         f"What explains the error: {study.name}",

@@ -42,14 +42,14 @@ REPORT = "report.html"
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Analysis(Extended):
-    """What the runs of a study say: the analysis that its design asks for, with its page.
+    """The analysis that a study's design asks for, with its page.
 
     Attributes
     ----------
     found
-        Of a two-level design, a grid, a space, or a sweep and a study without factors.
+        The findings: of a two-level design, a grid, a space, or a sweep or study without factors.
     source
-        Where the runs are from.
+        The origin of the runs.
     """
 
     document = "analyse"
@@ -60,32 +60,32 @@ class Analysis(Extended):
 
     @property
     def main(self) -> Findings | GeneralFactorial | Indices | Means:
-        """What was found, without the page."""
+        """The findings, without the page."""
         return self.found
 
     @property
     def columns(self) -> dict[str, Columns]:
-        """Of the tables, declared, by the names of their files."""
+        """The declared columns of the tables, by the names of their files."""
         return {**self.found.columns, "consistency": VERDICTS}
 
     @property
     def tables(self) -> dict[str, pd.DataFrame]:
-        """With the verdicts on covariances, if there are any."""
+        """The tables of the findings, and the verdicts on covariances, if there are any."""
         verdicts = self.source.verdicts
         return {**self.found.tables, **({"consistency": verdicts} if len(verdicts) else {})}
 
     def to_json(self) -> dict[str, Any]:
-        """What was found as plain data; what belongs to other designs is empty."""
+        """The findings as plain data; fields of other designs are empty."""
         return {**_BLANK, **self.found.to_json()}
 
     def manifest(self) -> dict[str, Any]:
-        """What was analysed, of which study."""
+        """The question, and the study."""
         return {"analysis": {**self.found.manifest()["analysis"], "study": self.source.study.name}}
 
     def write(
         self, folder: Path, theme: ThemeName = "light", figures: bool = True
     ) -> None:
-        """With the page."""
+        """Write tables, figures and the page into an existing folder."""
         super().write(folder, theme, figures)
         found, source = self.found, self.source
         drawn = folder if theme == "light" else None
@@ -105,7 +105,7 @@ _BLANK: Mapping[str, Any] = {
     "r2": None, "effects": [], "means": [], "levels": [], "medians": [], "pairs": [],
     "indices": [], "notes": [],
 }  # fmt: skip
-"""What an analysis does not say."""
+"""Values of the fields that an analysis does not have."""
 
 
 @interruptible
@@ -120,20 +120,20 @@ def analysed(
     practical: float | None = None,
     command: str = "",
 ) -> Analysis:
-    """Analyse a study as its design asks for.
+    """Analyse a study as its design requires.
 
     Parameters
     ----------
     response, receiver, order, transform, error, practical
-        As in `sblcosim.analysis.of_study`; default of the response: `RESPONSE`, or what a function
-        returns.
+        As in `sblcosim.analysis.of_study`. The default response is `RESPONSE`, or the value that a
+        function returns.
     command
         The command line, for the page.
 
     Raises
     ------
     ConfigurationError
-        There are no runs, or they cannot be analysed so.
+        There are no runs, or they cannot be analysed in this way.
     """
     results = Path(results)
     study = study_of(results)
@@ -159,7 +159,7 @@ def _found(
     study: Study, table: pd.DataFrame, column: str, order: int | None,
     transform: Transform | None, error: Error, practical: float | None,
 ) -> Findings | GeneralFactorial | Indices | Means:
-    """What the runs say of a column of their table."""
+    """The findings on a column of the table of runs."""
     if study.design.kind == "space":
         return Indices(study, workflow.of_space(study, table, column, transform=transform))
     if study.design.kind == "grid":
@@ -175,7 +175,7 @@ def _found(
 def _check_options(
     study: Study, *, order: int | None, error: Error, practical: float | None
 ) -> None:
-    """Refuse options that a grid or a space has no use for."""
+    """Refuse options that do not apply to a grid or a space."""
     kind = study.design.kind
     for name, given in (("error", error != "pure"),
                         ("practical", practical is not None and kind == "space"),
@@ -186,22 +186,22 @@ def _check_options(
 
 @dataclass(frozen=True, eq=False)
 class StudiedRuns:
-    """Where the runs are from.
+    """The origin of the runs.
 
     Attributes
     ----------
     column
-        Of the table of runs: the response.
+        The response: a column of the table of runs.
     failed
         Number of runs that failed.
     verdicts
-        On the receivers' covariances, by point.
+        Verdicts on the receivers' covariances, by point.
     again
-        How to reproduce.
+        How to reproduce the results.
     points
-        The table of its points.
+        The table of the points.
     possible
-        What is possible at them.
+        The table of the possible errors at the points.
     """
 
     study: Study
@@ -214,7 +214,7 @@ class StudiedRuns:
 
 
 def _page(own: StudySections, source: StudiedRuns) -> Page:
-    """The page of any design but a two-level one."""
+    """The page of any design except a two-level one."""
     summary = [Text(own.answer, "answer"), *(Text(line, "note") for line in own.warnings)]
     return Page(
         own.title,
@@ -231,7 +231,7 @@ def _page(own: StudySections, source: StudiedRuns) -> Page:
 
 
 def _covariances(source: StudiedRuns) -> list[Block]:
-    """Whether the covariances are right, as a table."""
+    """A table that says whether the covariances are right."""
     rows = [
         (
             str(row["receiver"]), FRAME_WORDS[row["frame"]], number(row["points"]),
@@ -242,18 +242,18 @@ def _covariances(source: StudiedRuns) -> list[Block]:
         for row in covariance.summary(source.verdicts).to_dict(orient="records")
     ]  # fmt: skip
     head = ("Receiver", "Error", "Points", "In band", "Optimistic, by a factor of",
-            "Pessimistic, by a factor of", "Not to be told", "Runs a point", "Runs needed")
+            "Pessimistic, by a factor of", "Unknown", "Runs per point", "Runs needed")
     note = (
-        "Points by the 95 % interval of the mean NEES over their runs, each of which counts once. "
-        "Optimistic: errors larger than claimed; the factor is on the standard deviation. Runs "
-        f"needed: to tell a factor of {TELLING:g}, at the point where it takes most. One point in "
-        "20 leaves the band by chance."
+        "Points are counted by the 95 % interval of the mean NEES over their runs, each of which "
+        "counts once. Optimistic: errors are larger than claimed, by a factor on the standard "
+        f"deviation. Runs needed: runs that reveal a factor of {TELLING:g}, at the point that "
+        "needs the most. One point in 20 leaves the band by chance."
     )
     return [PageTable("Are the covariances right?", head, rows, (1,), note)] if rows else []
 
 
 def _wrong(row: Mapping[Hashable, Any], word: str) -> str:
-    """At how many points a covariance is wrong, and by what."""
+    """The number of points where a covariance is wrong, and the factors."""
     if not row[word]:
         return "0"
     low, high = row[f"{word}_from"], row[f"{word}_to"]
@@ -261,7 +261,7 @@ def _wrong(row: Mapping[Hashable, Any], word: str) -> str:
 
 
 def _again(study: Study, results: Path, command: str) -> Section:
-    """How to reproduce."""
+    """How to reproduce the results."""
     about = store.described(results)
     lines = [
         f"{_points(study)}, {study.replicates} replicates; {seeding(study)}.",
@@ -280,7 +280,7 @@ def _again(study: Study, results: Path, command: str) -> Section:
 
 
 def _same(one: Study, other: Study) -> bool:
-    """Whether two studies have the same runs, but for the number of replicates."""
+    """Whether two studies have the same runs, except for the number of replicates."""
     kept = {"title", "replicates", "scenario", "fixed"}
     return (
         one.model_dump(exclude=kept) == other.model_dump(exclude=kept)
@@ -303,8 +303,8 @@ def _factorial_page(findings: Findings, drawn: Path | None, source: StudiedRuns)
     study, a = findings.study, findings.shown
     how: list[Block] = [
         Text(method(a)), Text(DEFINITIONS),
-        Text(f"Settling time: {study.settling_time_s:g} s. Intervals and the reference line have a "
-             f"confidence of {a.confidence:g}."),
+        Text(f"Settling time: {study.settling_time_s:g} s. The intervals and the reference line "
+             f"have a confidence of {a.confidence:g}."),
         factorial.factor_table(study),
     ]
     return Page(
@@ -327,7 +327,7 @@ def _figures(pictures: Sequence[PagePicture]) -> Section:
 
 
 def _tables(source: StudiedRuns, first: Section) -> Section:
-    """All tables, folded but for their headings."""
+    """All tables, folded under their headings."""
     parts = [
         first,
         Section("Design points, with lost and inconsistent runs", "points", source.points),

@@ -1,4 +1,4 @@
-"""The parts of a report on a factorial study: the answer, what matters, tables and figures."""
+"""The parts of a report on a factorial study: answer, effects that matter, tables and figures."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ from ..words.shares import column_percent, percent
 from .page import Block, PageTable, Text
 
 MOST_ROWS = 40
-"""Effects that a table shows."""
+"""Most effects in a table."""
 POWER = 0.8
 LOGARITHM, SPREAD = "The logarithm of the response", "The spread of the response"
 ERRORS = {"pure": "the scatter between replicates (pure error)",
-          "residual": "the scatter about the model (residual, lack of fit in it)"}
+          "residual": "the scatter about the model (residual, with its lack of fit)"}
 BOX_COX = "The Box–Cox profile"
 FEW = 10
 """Degrees of freedom below which intervals are rough."""
@@ -54,15 +54,16 @@ class Findings(Extended):
     Attributes
     ----------
     data, shown
-        The analysis with the columns' names, and with those for people.
+        The analysis with the names of columns, and with the labels for people.
     log, spread
-        Of the logarithm of the response and of its spread, for people; None where there is none.
+        Analyses of the logarithm of the response and of its spread, with labels; None where there
+        is none.
     profile
-        Box–Cox.
+        Box–Cox profile.
     detectable
         Smallest effect that is detected with a probability of `POWER`, by term.
     missing
-        Reasons for each of these that is None.
+        The reason for each of these that is None.
     """
 
     study: Study
@@ -76,7 +77,7 @@ class Findings(Extended):
 
     @property
     def main(self) -> Factorial:
-        """The analysis with the columns' names."""
+        """The analysis with the names of columns."""
         return self.data
 
 
@@ -88,7 +89,7 @@ def find(
     Raises
     ------
     ConfigurationError
-        As `sblcosim.analysis.of_study`.
+        For the reasons of `sblcosim.analysis.of_study`.
     """
     data = of_table(study, table, response, **choices)
     shown = data.readable
@@ -120,12 +121,12 @@ def find(
 
 
 def _why_not(what: str, a: Factorial) -> str:
-    """Why an analysis is not possible, in words for those who did not ask for it."""
+    """Why an analysis is impossible, for readers who did not ask for it."""
     y = a.table[a.response]
     fewest, need = int(a.points["runs"].min()), 3 if a.seeding == "common" else 2
     if what == SPREAD and fewest < need:
-        return (f"cannot be analysed: that takes at least {need} runs of each design point, and "
-                f"there {plural(fewest, 'is', 'are')} {fewest}")
+        return (f"cannot be analysed: each design point needs at least {need} runs, and there "
+                f"{plural(fewest, 'is', 'are')} {fewest}")
     if what == SPREAD:
         return "cannot be analysed: at some design points the runs are equal"
     if (y <= 0).any():
@@ -145,23 +146,23 @@ def what_matters(analysis: Factorial) -> str:
     text = f"{significant} of {len(effects)} effects are statistically significant"
     if analysis.practical is None:
         if significant > len(effects) / 2:
-            text += ". With many runs almost all are, whether they matter or not"
-        return f"{text}; no smallest effect that matters was given (option --practical)."
+            text += ". With many runs, almost all are, whether they matter or not"
+        return f"{text}. No smallest effect that matters was given (option --practical)."
     line = limit_of(analysis)
     groups = {
         verdict: list(effects.index[effects["verdict"] == verdict])
         for verdict in ("matters", "undecided", "too small")
     }
     if groups["matters"]:
-        text += (f"; {len(groups['matters'])} matter, being surely larger than {line}: "
+        text += (f". {len(groups['matters'])} matter, as they are surely larger than {line}: "
                  f"{', '.join(groups['matters'])}")
     else:
-        text += f"; none is surely larger than {line}"
+        text += f". None is surely larger than {line}"
     parts = [f"{text}."]
     if groups["undecided"]:
         named, rest = groups["undecided"][:MAX_LISTED], len(groups["undecided"]) - MAX_LISTED
         more = f" and {rest} smaller ones" if rest > 0 else ""
-        parts.append(f"More runs would have to decide about {', '.join(named)}{more}.")
+        parts.append(f"More runs are needed to decide about {', '.join(named)}{more}.")
     if groups["too small"]:
         parts.append(f"{len(groups['too small'])} are too small to matter, significant or not.")
     return " ".join(parts)
@@ -173,7 +174,7 @@ def unit(analysis: Factorial) -> str:
 
 
 def direction(analysis: Factorial) -> str:
-    """Which level of each factor with a significant effect is the better one, if less is better."""
+    """The better level of each factor with a significant effect; less of the response is better."""
     parts = []
     for name in analysis.ranked().index:
         row = analysis.effects.loc[name]
@@ -185,7 +186,7 @@ def direction(analysis: Factorial) -> str:
 
 
 def box_cox_sentence(profile: pd.DataFrame) -> str:
-    """The best power and what follows."""
+    """The best power, with advice."""
     powers = profile["lambda"]
     best = float(powers.to_numpy()[profile["log_likelihood"].argmax()])
     inside = powers[profile["inside"]]
@@ -197,9 +198,9 @@ def box_cox_sentence(profile: pd.DataFrame) -> str:
     elif low <= 0 <= high:
         advice = "its logarithm would suit the model"
     elif abs(best) < abs(best - 1):
-        advice = "the logarithm is nearer to what suits the model than the response itself"
+        advice = "its logarithm suits the model better than the response itself"
     else:
-        advice = "the response itself is nearer to what suits the model than its logarithm"
+        advice = "the response itself suits the model better than its logarithm"
     return unbroken(f"Box–Cox: λ = {best:.2g}, interval {lowest} to {highest}; {advice}.")
 
 
@@ -221,7 +222,7 @@ def factor_table(study: Study) -> PageTable:
 
 
 def _levels(factor: FactorTable) -> str:
-    """The levels of a factor, or the distribution that its values are drawn from."""
+    """The levels of a factor, or the distribution of its values."""
     law = factor.law
     if law is None or law.distribution == "choice":
         settings = factor.settings
@@ -238,7 +239,7 @@ def _levels(factor: FactorTable) -> str:
 
 
 def effect_table(findings: Findings) -> PageTable:
-    """The effects, the largest first, with everything that is known about each."""
+    """The effects, the largest first, with all that is known about each."""
     a = findings.shown
     ranked = a.ranked()
     level = f"{a.confidence:.4g}".removeprefix("0.")
@@ -263,8 +264,8 @@ def effect_table(findings: Findings) -> PageTable:
     note = (
         "Effect of a factor: change of the mean from its low to its high level. Effect of an "
         "interaction A × B: half the difference between the effect of A at the high level of B and "
-        "that at the low level of B. Share: of the total sum of squares. Detectable: true effect "
-        f"that is found with a probability of {percent(POWER, '.0f')}."
+        "that at the low level of B. Share: share of the total sum of squares. Detectable: true "
+        f"effect that would be found with a probability of {percent(POWER, '.0f')}."
         + (f" {rest} smaller effects are not shown." if rest else "")
     )
     return PageTable(f"Effects on the {a.quantity}", head, rows,
@@ -272,7 +273,7 @@ def effect_table(findings: Findings) -> PageTable:
 
 
 def ratio_table(findings: Findings) -> PageTable | None:
-    """Effects on the logarithm of the response and on its spread, as ratios high over low."""
+    """Effects on the logarithm of the response and on its spread, as ratios of high to low."""
     a, log, spread = findings.shown, findings.log, findings.spread
     if log is None and spread is None:
         return None
@@ -290,14 +291,16 @@ def ratio_table(findings: Findings) -> PageTable | None:
         rows.append(cells)
     rest = len(first.effects) - len(rows)
     note = (
-        "High level over low level, with intervals; above 1: more at the high level."
-        + (" Of the response: from the analysis of its logarithm, so of its geometric mean."
+        "Ratios of the high level to the low level, with intervals. Above 1: more at the high "
+        "level."
+        + (" Ratios of the response come from its logarithm; they are ratios of geometric means."
            if log is not None else "")
-        + (" Of its spread: from that of ln s, s the standard deviation of the runs of a point."
+        + (" Ratios of its spread come from ln s, where s is the standard deviation of the runs of "
+           "a point."
            if spread is not None else "")
         + "".join(
             f" Degrees of freedom {of}: {number(other.df, 3)}"
-            + (", which is few: these intervals are wide and rough." if other.df < FEW else ".")
+            + (". That is few: these intervals are wide and rough." if other.df < FEW else ".")
             for of, other in (("for the response", log), ("for its spread", spread))
             if other is not None
         )
@@ -313,7 +316,7 @@ def _ratio(row: Mapping[str, float] | pd.Series[Any]) -> str:
 
 
 def anova_table(a: Factorial) -> PageTable:
-    """Analysis of variance, the terms by their size."""
+    """Analysis of variance, the largest terms first."""
     terms = a.ranked().index[:MOST_ROWS]
     rest = a.anova.index.difference(a.effects.index, sort=False)
     rows = [
@@ -344,7 +347,7 @@ def model_table(findings: Findings) -> PageTable:
         rows += [
             ("R²", percent(a.r2, ".2f")), ("R² adjusted", percent(a.r2_adjusted, ".2f")),
             ("R² predicted", predicted),
-            ("Root of the residual mean square", f"{number(a.rmse, 4)}{unit(a)}"),
+            ("Residual standard deviation", f"{number(a.rmse, 4)}{unit(a)}"),
         ]
     for word, test in (("Lack of fit", a.lack_of_fit), ("Curvature", a.curvature)):
         if test is not None:
@@ -359,33 +362,33 @@ def model_table(findings: Findings) -> PageTable:
             )
         ]
     note = "" if a.lenth is None else (
-        "PSE, ME and SME are Lenth's, of an effect: its error, taken from the small effects; from "
-        "where on one that is looked at alone is significant; and from where on the largest of "
-        "them all is."
+        "Lenth's method takes the error of an effect, the PSE, from the small effects. A single "
+        "effect is significant if it exceeds the ME. The largest of all effects is significant if "
+        "it exceeds the SME."
     )
     return PageTable("The model", ("Quantity", "Value"), rows, (1,), note)
 
 
 def tables(findings: Findings) -> list[Block]:
-    """All tables, with a sentence where one is needed."""
+    """All tables, with sentences where they are needed."""
     a = findings.shown
     blocks: list[Block] = [effect_table(findings), model_table(findings)]
     if (ratios := ratio_table(findings)) is not None:
         blocks.insert(1, ratios)
     if a.lack_of_fit is not None and a.lack_of_fit.p < 1 - a.confidence:
         blocks.append(Text(
-            "The lack of fit is significant: interactions of more factors than the model has are "
-            "there. The effects stay what they are, for the design is balanced; their intervals "
-            + ("are from the scatter between replicates, which has nothing of it"
-               if a.error == "pure" else "are wider than they would have to be")
-            + "; the model's predictions for single points do not follow all of them.", "note"))
+            "The lack of fit is significant: there are interactions of more factors than the model "
+            "has. The effects do not change, because the design is balanced. Their intervals "
+            + ("come from the scatter between replicates, which does not include it"
+               if a.error == "pure" else "are wider than necessary")
+            + ". The model does not predict all single points.", "note"))
     blocks.append(anova_table(a))
     if findings.profile is not None:
         blocks.append(Text(box_cox_sentence(findings.profile)))
     blocks += [Text(text, "note") for text in findings.missing]
     if a.aliases:
         blocks.append(PageTable(
-            "Aliased terms: what one line says is true of their sum", ("Term", "Aliased with"),
+            "Aliased terms: each line applies to the sum of its terms", ("Term", "Aliased with"),
             [(term, ", ".join(same)) for term, same in a.aliases.items()], (1,)))
     return blocks
 
@@ -394,11 +397,11 @@ def tables(findings: Findings) -> list[Block]:
 
 
 def get_ready() -> None:
-    """Do nothing: a process that calls this has imported what drawing needs."""
+    """Do nothing. A process that calls this has imported the modules that drawing needs."""
 
 
 def summary(findings: Findings) -> list[Block]:
-    """The answer, what matters, and the better levels."""
+    """The answer, the effects that matter, and the better levels."""
     blocks: list[Block] = [
         Text(unbroken(answer(findings.shown)), "answer"),
         Text(unbroken(what_matters(findings.shown))),

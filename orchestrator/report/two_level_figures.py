@@ -1,4 +1,4 @@
-"""The figures in the report of a two-level study: of the analysis, and the Box–Cox profile."""
+"""The figures in the report of a two-level study: its analysis, and the Box–Cox profile."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from .two_level import Findings
 def _box_cox(
     analysis: Factorial, profile: pd.DataFrame, theme: ThemeName = "light"
 ) -> Axes:
-    """The profile that is known already."""
+    """Draw a profile that is already known."""
     return plots.plot_box_cox(analysis, theme=theme, profile=profile)
 
 
 def _of_findings(figure: Figure[Factorial]) -> Figure[Findings]:
-    """A figure of the analysis as one of the findings."""
+    """A figure of the analysis as a figure of the findings."""
     return Figure(
         figure.name, figure.plot,
         lambda f: figure.data(f.shown), lambda f: figure.caption(f.shown),
@@ -35,7 +35,7 @@ FIGURES: Mapping[str, Figure[Findings]] = by_name(
     *map(_of_findings, OF_ANALYSIS.values()),
     Figure(
         "box_cox", _box_cox, lambda f: (f.shown, f.profile),
-        lambda f: "Box–Cox profile: which power of the response suits the model.",
+        lambda f: "Box–Cox profile: the power of the response that suits the model.",
         lambda f: "Box–Cox profile",
         lambda f: f.profile is not None,
     ),

@@ -63,7 +63,7 @@ def test_the_large_factor_is_found_and_written(results: Path) -> None:
 @pytest.mark.parametrize(
     ("option", "said"),
     [((), "the scatter between replicates (pure error)"),
-     (("--error", "residual"), "the scatter about the model (residual, lack of fit in it)")],
+     (("--error", "residual"), "the scatter about the model (residual, with its lack of fit)")],
 )
 def test_it_says_where_the_error_of_the_effects_is_from(
     results: Path, tmp_path: Path, option: tuple[str, ...], said: str
@@ -106,7 +106,7 @@ def test_the_cheapest_design_that_is_good_enough_is_named(results: Path) -> None
         )  # fmt: skip
         assert done.exit_code == 0, done.output
         assert done.output.startswith("The cheapest point with a 20th percentile of ")
-        assert "It takes 86 runs at each of the 4 points; there are 3, 83 " in done.output
+        assert "Each of the 4 points needs 86 runs. There are 3, so 83 " in done.output
         assert {p.name for p in out.iterdir()} >= {"front.svg", "front.png", "points.csv"}
         campaign = pd.read_parquet(out / "points.parquet")
         chosen[name] = campaign[campaign["meets"]].iloc[0]
@@ -222,7 +222,8 @@ def test_an_unreplicated_study_says_in_words_what_it_cannot_have(tmp_path: Path)
     text = STUDY.replace("replicates = 3", "replicates = 1")
     text += '\n[factors.range]\nkeys = ["acoustics.range_std_m"]\nlevels = [0.1, 1.0]\n'
     out, html = reported(tmp_path, text, "--order", "3", "--verbose")
-    assert "The spread of the response cannot be analysed: that takes at least 2 runs" in html
+    why = "each design point needs at least 2 runs"
+    assert f"The spread of the response cannot be analysed: {why}" in html
     assert "The Box–Cox profile cannot be computed" in html
     assert "absolute_total_rms_m" not in html
     assert "Pareto chart of the size of the effects in m, all 7 effects" in html
@@ -241,7 +242,7 @@ def test_a_fraction_s_report_names_what_is_aliased(tmp_path: Path) -> None:
     text = STUDY.replace('kind = "full"', 'kind = "fraction"\ngenerators = ["C=AB"]')
     text += '\n[factors.range]\nkeys = ["acoustics.range_std_m"]\nlevels = [0.1, 1.0]\n'
     out, html = reported(tmp_path, text, "--verbose")
-    assert "may be neglected: the design points cannot tell gps from " in out
+    assert "are negligible: the design points cannot tell gps from " in out
     assert "Main effects only" in out
     assert "Aliased terms" in html
     refused = CliRunner().invoke(
@@ -275,5 +276,5 @@ def test_a_sweep_s_report_shows_the_error_at_each_level(tmp_path: Path) -> None:
 def test_a_study_without_factors_says_that_there_is_nothing_to_analyse(tmp_path: Path) -> None:
     text = STUDY[: STUDY.index("[factors.gps]")].replace('"full"', '"single"')
     out, html = reported(tmp_path, text)
-    assert "The study has no factors: there are no effects to analyse." in out
+    assert "The study has no factors, so there are no effects to analyse." in out
     assert "The study has no factors" in html

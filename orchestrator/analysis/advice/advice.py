@@ -1,22 +1,22 @@
-"""Which design is the cheapest that is good enough: costs of levels against a requirement.
+"""The cheapest design that is good enough: costs of levels against a requirement.
 
-A point of a design *meets* a requirement if that is sure by its runs. Whoever takes the cheapest of
-many points takes one of the lucky ones; so all bounds hold for all m points at once (Bonferroni:
-each at risk = α/m), which is valid for common random numbers, too. A run that is lost, or has no
-finite response, is worse than any limit. There are two requirements:
+A point of a design *meets* a requirement if its runs make this sure. The cheapest of many points is
+probably one of the lucky ones. All bounds therefore hold for all m points at once (Bonferroni: each
+at risk = α/m), also with common random numbers. A run that is lost, or has no finite response, is
+worse than any limit. There are two requirements:
 
-- *So many percent of the runs are within the limit.* Compared with the limit is an upper bound of
-  the percentile q: the smallest of the ordered runs x₍ₖ₎ with P(Binomial(n, q) < k) ≥ 1 − risk,
-  whatever the distribution (Hahn and Meeker, Statistical Intervals, chapter 5). It exists from
-  n = ln(risk)/ln(q) runs on. This is the question to ask first, for it assumes nothing.
-- *The mean is within the limit.* No bound of a mean holds against bad runs that were never seen. So
-  this is a statement for a stated share c of contamination: bad runs that are at least this share
-  have been seen at every point, for which n = ln(risk)/ln(1 − c) runs are needed, as
-  (1 − c)ⁿ ≤ risk; with fewer nothing is said. With them there are two bounds: of the mean of the
-  runs that are not lost, which is compared with the limit, and, exact, of the share of those that
-  are (Clopper and Pearson), which is compared with c.
+- *A percentage of the runs is within the limit.* The limit is compared with an upper bound of the
+  percentile q: the smallest of the ordered runs x₍ₖ₎ with P(Binomial(n, q) < k) ≥ 1 − risk, for any
+  distribution (Hahn and Meeker, Statistical Intervals, chapter 5). The bound needs at least
+  n = ln(risk)/ln(q) runs. This question comes first, because it assumes nothing.
+- *The mean is within the limit.* No bound of a mean holds against bad runs that were never seen.
+  This statement therefore depends on a stated share c of contamination: if bad runs are at least
+  this share, every point has shown one. This needs n = ln(risk)/ln(1 − c) runs, as (1 − c)ⁿ ≤ risk;
+  with fewer runs there is no statement. There are two bounds. That of the mean of the runs that are
+  not lost is compared with the limit. The exact bound of the share of lost runs (Clopper and
+  Pearson) is compared with c.
 
-The bounds are those of `sblcosim.analysis.common.bounds`.
+The bounds are in `sblcosim.analysis.common.bounds`.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ PERCENTILE = 90.0
 
 @dataclass(frozen=True, eq=False)
 class Criterion:
-    """What is asked of the runs.
+    """A question to the runs.
 
     Attributes
     ----------
@@ -67,11 +67,11 @@ class Criterion:
     limit
         The requirement; None if there is none.
     percentile
-        Percentile of the runs that is to meet it; None for their mean.
+        Percentile of the runs that must meet it; None for their mean.
     contamination
         Share of bad runs that a statement about a mean takes into account.
     confidence
-        That no point is said to meet the requirement that does not.
+        Probability that every point which is said to meet the requirement does.
     """
 
     response: str
@@ -90,7 +90,7 @@ class Criterion:
         return f"{ordinal(self.percentile)} percentile of {self.response}"
 
     def tolerable(self, points: pd.DataFrame) -> pd.Series[bool]:
-        """Points whose share of lost runs is small enough for a mean that leaves them out."""
+        """Points whose share of lost runs is small enough for a mean without these."""
         if self.percentile is not None:
             return pd.Series(True, points.index)
         return points["lost"] <= self.contamination * points["runs"]
@@ -106,20 +106,20 @@ class Advice(Answer, Criterion):
         The question.
     points
         One row per point, the cheapest first: factors, ``cost``, ``runs``, ``lost`` (runs that are
-        lost or have no finite response), ``lost_upper`` (bound of their share), ``estimate`` and
-        ``upper`` (of the percentile, or of the mean of the runs that are not lost; infinite where
-        there is no bound), ``front`` (no point is cheaper and better, by the estimates) and
+        lost or have no finite response), ``lost_upper`` (bound of their share), ``estimate`` of the
+        percentile, or of the mean of the runs that are not lost, ``upper`` bound of it (infinite
+        where there is none), ``front`` (no point is cheaper and better, by the estimates) and
         ``meets``.
     chosen
         Row in `points` of the cheapest point that meets the requirement; None if none does.
     runs_needed
         Fewest runs per point for a bound.
     free
-        Factors that no cost was given for.
+        Factors without a given cost.
     beside
         The other question, answered from the same runs; None without a limit.
     labels, label
-        Of the factors and of the response, for people; what is printed or drawn has them.
+        Labels of the factors and of the response, for texts and figures.
     """
 
     document = "advise"
@@ -135,16 +135,16 @@ class Advice(Answer, Criterion):
 
     @property
     def readable(self) -> Advice:
-        """The same with `labels` and `label` instead of the columns' names, for people."""
+        """A copy with `labels` and `label` instead of the names of columns, for people."""
         return self.named(self.labels, self.label or self.response)
 
     def labelled(self, labels: Mapping[str, str], label: str) -> Advice:
-        """The same with labels for people."""
+        """A copy with labels for people."""
         beside = None if self.beside is None else self.beside.labelled(labels, label)
         return replace(self, labels=labels, label=label, beside=beside)
 
     def named(self, labels: Mapping[str, str], response: str) -> Advice:
-        """The same for people to read: other names for factors and response."""
+        """A copy with other names for factors and response, for people."""
         names = {name: labels.get(name, name) for name in self.factors}
         return replace(
             self,
@@ -159,12 +159,12 @@ class Advice(Answer, Criterion):
 
     @property
     def missing(self) -> int:
-        """Runs that are missing, at the point with the fewest, for there to be a bound."""
+        """Number of runs that the point with the fewest lacks for a bound."""
         return max(0, self.runs_needed - int(self.points["runs"].min()))
 
     @property
     def title(self) -> str:
-        """Of a page."""
+        """Title of a page."""
         return f"Designs by cost and {self.readable.statistic}"
 
     @property
@@ -184,7 +184,7 @@ class Advice(Answer, Criterion):
 
     @property
     def remarks(self) -> list[str]:
-        """What must be known to read the numbers, a line each."""
+        """Remarks that are needed to read the numbers, one line each."""
         return self.readable._notes()
 
     def to_json(self) -> dict[str, Any]:
@@ -206,7 +206,7 @@ class Advice(Answer, Criterion):
         }  # fmt: skip
 
     def manifest(self) -> dict[str, Any]:
-        """What was asked."""
+        """The question."""
         return {
             "advice": {
                 "response": self.response, "limit": self.limit, "percentile": self.percentile,
@@ -225,55 +225,55 @@ class Advice(Answer, Criterion):
         if self.limit is None:
             front = int(self.points["front"].sum())
             return (
-                f"{front} of {len(self.points)} points are worth their cost: nothing else is both "
-                "cheaper and better. A limit picks one of them."
+                f"{front} of {len(self.points)} points are worth their cost: no other point is "
+                "both cheaper and better. A limit selects one of them."
             )
         wish = f"{self.statistic} of at most {self.limit:g}{unit}"
         if self.chosen is not None:
             row: Any = self.points.loc[self.chosen]
             text = (
                 f"The cheapest point with a {wish}: {self._levels(self.chosen)}, at a cost of "
-                f"{row.cost:g}; {row.estimate:.4g}{unit}, at most {row.upper:.4g}{unit}."
+                f"{row.cost:g}. It has {row.estimate:.4g}{unit}, at most {row.upper:.4g}{unit}."
             )
             if self.percentile is not None:
                 return text
             return (
-                f"{text} That is of the runs that are not lost: {row.lost:g} of {row.runs:g} are, "
-                f"surely at most {percent(row.lost_upper, '.2g')}."
+                f"{text} This excludes lost runs: {row.lost:g} of {row.runs:g} are lost, surely "
+                f"at most {percent(row.lost_upper, '.2g')}."
             )
         if (self.points["runs"] < self.runs_needed).all():
             return f"{self._too_few()} {self._missing()}"
-        text = f"No point is sure to have a {wish}."
+        text = f"No point surely has a {wish}."
         possible = self.points[self.tolerable(self.points)]
         hopeful = possible.index[possible["estimate"] <= self.limit]
         if len(hopeful):
             return (
-                f"{text} By its estimate {self._levels(int(hopeful[0]))} has; more replicates "
+                f"{text} By its estimate, {self._levels(int(hopeful[0]))} has. More replicates "
                 "may decide it." + (f" {self._missing()}" if self.missing else "")
             )
         if possible.empty:
             return (
-                f"{text} At every point more than {percent(self.contamination, '.4g')} of the "
+                f"{text} At every point, more than {percent(self.contamination, '.4g')} of the "
                 "runs are lost."
             )
         best = possible.sort_values(["upper", "estimate"], kind="stable").iloc[0]
         bound = f", at most {best['upper']:.4g}{unit}" if np.isfinite(best["upper"]) else ""
-        return f"{text} The best has {best['estimate']:.4g}{unit}{bound}."
+        return f"{text} The best point has {best['estimate']:.4g}{unit}{bound}."
 
     def _too_few(self) -> str:
         if self.percentile is not None:
             return f"Nothing sure can be said about the {self.statistic}: there are too few runs."
         return (
             f"Nothing sure can be said about the {self.statistic}: if "
-            f"{percent(self.contamination, '.4g')} of the runs are bad ones, some point may well "
-            "have shown none."
+            f"{percent(self.contamination, '.4g')} of the runs are bad, some point may have shown "
+            "none."
         )
 
     def _missing(self) -> str:
         few = self.points["runs"]
         have = f"{few.min()}" if few.min() == few.max() else f"{few.min()} or more"
         return (
-            f"It takes {self.runs_needed} runs at each of the {len(few)} points; there are {have}, "
+            f"Each of the {len(few)} points needs {self.runs_needed} runs. There are {have}, so "
             f"{self.missing} are missing."
         )
 
@@ -287,7 +287,7 @@ class Advice(Answer, Criterion):
         Parameters
         ----------
         verbose
-            With how to read the numbers.
+            Add remarks on how to read the numbers.
         width
             Columns to fit into; None: sentences are not wrapped.
         """
@@ -301,7 +301,7 @@ class Advice(Answer, Criterion):
         lines = [
             *it._answers(),
             "",
-            f"By the {it.statistic}, points that no other one beats in cost and estimate"
+            f"By the {it.statistic}: points that no other point beats in cost and estimate"
             + (", and the chosen one:" if it.chosen is not None else ":"),
             *layout.table(rows, width, head, range(len(head))),
             *(["", *it._notes()] if verbose else [*it._defined(), *it._assumed()]),
@@ -309,15 +309,15 @@ class Advice(Answer, Criterion):
         return layout.fitted("\n".join(lines), width)
 
     def _assumed(self) -> list[str]:
-        """What is assumed of costs that were not given."""
+        """The assumption about costs that were not given."""
         if not self.free:
             return []
-        return [f"No cost was given for {', '.join(self.free)}: taken as free."]
+        return [f"No cost was given for {', '.join(self.free)}, which counts as free."]
 
     def _notes(self) -> list[str]:
         """How to read the numbers."""
         lines = [
-            f"Each run counts with one number, its {self.response}: means and percentiles are "
+            f"Each run counts with one number, its {self.response}. Means and percentiles are "
             "over runs, not over the instants of a run.",
             f"The upper bounds hold for all {len(self.points)} points at once, with a confidence "
             f"of {self.confidence:g}.",
@@ -326,15 +326,15 @@ class Advice(Answer, Criterion):
             lines.append(
                 "A point meets the requirement if the bound of the mean over the runs that are not "
                 f"lost is within the limit, and surely no more than {100 * self.contamination:.4g} "
-                "% of its runs are lost. Worse runs that are rarer than that may never have been "
-                "seen; no bound of a mean holds against them. A percentile assumes nothing."
+                "% of its runs are lost. Worse but rarer runs may never have been seen, and no "
+                "bound of a mean holds against them. A percentile assumes nothing."
             )
         elif self.points["lost"].any():
-            lines.append("A run that is lost is worse than any limit.")
+            lines.append("A lost run is worse than any limit.")
         return [*lines, *self._defined(), *self._assumed()]
 
     def _defined(self) -> list[str]:
-        """What percentiles and lost runs are, if there are any."""
+        """Definitions of percentiles and of lost runs, if there are any."""
         percentiles = self.percentile is not None or self.beside is not None
         return [
             *([ORDER_STATISTIC] if percentiles or "percentile" in self.response else []),
@@ -395,31 +395,31 @@ def advise(
     Parameters
     ----------
     table
-        One row per run, with the factors' levels and the response; less of it is better.
+        One row per run, with the factors' levels and the response. A smaller response is better.
     factors, response
         Columns. The factors may have any number of levels.
     costs
-        Cost of each level of a factor, in any currency. A factor that is not here costs nothing;
-        the cost of a point is the sum over its factors.
+        Cost of each level of a factor, in any currency. A factor without costs is free. The cost
+        of a point is the sum over its factors.
     limit
-        Largest value that will do, in the unit of the response.
+        Largest acceptable value, in the unit of the response.
     percentile
         Between 0 and 100: the percentage of the runs that must be within the limit. None: the limit
         is for their mean.
     contamination
         Above 0 and below 1: the share of bad runs that a statement about a mean takes into
-        account. The smaller, the more runs it needs.
+        account. A smaller share needs more runs.
     confidence
-        That the point which is named meets the requirement.
+        Probability that the named point meets the requirement.
     unit
-        Of the response, for texts.
+        Unit of the response, for texts.
     lost
-        Column that is not zero for runs that are lost, whatever their response.
+        Column that is not zero for lost runs, whatever their response.
 
     Raises
     ------
     ConfigurationError
-        A column, a cost or a number is not as it must be.
+        A column, a cost or a number is invalid.
     """
     question = Criterion(
         response, unit, tuple(factors), limit, percentile, contamination, confidence
@@ -466,14 +466,14 @@ def _check(
     for name in costs:
         if name not in factors:
             raise ConfigurationError(
-                f"costs: must be of the factors, got {name!r}" + nearest(name, factors)
+                f"costs: must be for the factors, got {name!r}" + nearest(name, factors)
             )
 
 
 def _answered(
     question: Criterion, runs: pd.DataFrame, costs: Mapping[str, Mapping[Level, float]]
 ) -> Advice:
-    """The points, weighed; `runs` has the factors and ``value``, infinite if lost."""
+    """Weigh the points; `runs` has the factors and ``value``, which is infinite if lost."""
     factors, limit, percentile = question.factors, question.limit, question.percentile
     groups = runs.groupby(list(factors), sort=True)["value"]
     risk = (1 - question.confidence) / groups.ngroups
@@ -499,7 +499,7 @@ def _answered(
     columns = ["runs", "lost", "lost_upper", "estimate", "upper"]
     points[columns] = pd.DataFrame(rows, columns=columns)
     points = points.sort_values(["cost", "estimate"], kind="stable", ignore_index=True)
-    # cheapest first: a point is on the front if it is better than all before it
+    # In this order, a point is on the front if it is better than all points before it.
     rank = points["estimate"].where(question.tolerable(points), inf)
     points["front"] = rank < rank.cummin().shift(fill_value=inf)
     meets = pd.Series(False, points.index) if limit is None else points["upper"] <= limit

@@ -1,4 +1,4 @@
-"""Costs of the levels of a factor, as people give them."""
+"""Costs of the levels of a factor, as users write them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ...study.design import Level, shown
 MOST_COST = 1e15
 """Largest cost of a level."""
 LEVEL_TOLERANCE = 1e-9
-"""How far, relatively, a level may be from the one that a cost is given for."""
+"""Largest relative deviation of a level from the level that has the cost."""
 
 
 def of_levels(at: str, given: Any, levels: Sequence[Level]) -> dict[Level, float]:
@@ -25,14 +25,14 @@ def of_levels(at: str, given: Any, levels: Sequence[Level]) -> dict[Level, float
     Parameters
     ----------
     at
-        Where the costs stand, for messages.
+        Place of the costs, for messages.
     given
         An array in the order of the levels, or a table by their names.
 
     Raises
     ------
     ConfigurationError
-        A cost is missing, or no finite number that is not negative.
+        A cost is missing, negative or not a finite number.
     """
     if isinstance(given, Mapping):
         costs = _by_name(at, given, levels)
@@ -70,21 +70,23 @@ def _by_name(at: str, given: Mapping[str, Any], levels: Sequence[Level]) -> dict
     for name in given:
         if written.count(name) > 1:
             raise ConfigurationError(
-                f"{at}: must have one for each level, got {written.count(name)} for {name}"
+                f"{at}: must have one cost for each level, got {written.count(name)} for {name}"
             )
         if name not in names:
             raise ConfigurationError(
-                f"{at}: must be of the levels {', '.join(names)}, got {quoted(str(name))}"
+                f"{at}: must be for the levels {', '.join(names)}, got {quoted(str(name))}"
                 f"{nearest(str(name), names)}"
             )
     for name in names:
         if name not in given:
-            raise ConfigurationError(f"{at}: must have one for each level, got none for {name}")
+            raise ConfigurationError(
+                f"{at}: must have one cost for each level, got none for {name}"
+            )
     return {names[name]: cost for name, cost in given.items()}
 
 
 def _as_shown(name: str, names: Mapping[str, Level]) -> str:
-    """The study's name of a level that is written as another number: 1.0 is 1."""
+    """The study's name of a level that is written differently, such as 1.0 for 1."""
     try:
         number = shown(float(name))
     except ValueError:
@@ -98,7 +100,7 @@ def of_column(levels: pd.Series[Any], costs: Mapping[Level, float]) -> NDArray[n
     Raises
     ------
     ConfigurationError
-        A level has none.
+        A level has no cost.
     """
     prices = np.array([float(price) for price in costs.values()])
     if not (np.isfinite(prices) & (prices >= 0)).all():
@@ -118,5 +120,6 @@ def _price(name: str, level: Level, costs: Mapping[Level, float]) -> float:
         if same:
             return float(price)
     raise ConfigurationError(
-        f"costs.{name}: must have every level of the design, got none for {shown(level)}"
+        f"costs.{name}: must have a cost for every level of the design, got none for "
+        f"{shown(level)}"
     )

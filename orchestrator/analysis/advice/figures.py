@@ -16,9 +16,9 @@ from .advice import Advice
 
 
 def plot_front(advice: Advice, ax: Axes | None = None, theme: ThemeName = "light") -> Axes:
-    """Cost against accuracy: all points, those that no other one beats, and the chosen one.
+    """Cost against accuracy: all points, those that no other point beats, and the chosen one.
 
-    Bars reach up to the points' upper confidence bounds, as far as they exist.
+    Bars reach up to the points' upper confidence bounds, where these exist.
     """
     with use(theme, ax) as look:
         own = ax is None
@@ -29,7 +29,7 @@ def plot_front(advice: Advice, ax: Axes | None = None, theme: ThemeName = "light
         ax.plot(points["cost"], points["estimate"], ".", color=look.soft, ms=7, mew=0,
                 label="design points")
         ax.step(front["cost"], front["estimate"], "-o", where="post", color=look.receivers[1],
-                ms=5, label="no other is cheaper and better")
+                ms=5, label="no other point is cheaper and better")
         bound = front[np.isfinite(front["upper"])]
         ax.vlines(bound["cost"], bound["estimate"], bound["upper"], color=look.receivers[1], lw=1)
         if advice.limit is not None:
@@ -45,15 +45,14 @@ def plot_front(advice: Advice, ax: Axes | None = None, theme: ThemeName = "light
         statistic = advice.statistic[0].upper() + advice.statistic[1:]
         ax.set(xlabel="Cost", ylabel=f"{statistic}{unit}")
         ax.set_ylim(bottom=min(0.0, ax.get_ylim()[0]))
-        ax.set_title("Cost and accuracy; labels say what is new after the cheaper point before",
-                     loc="left")
+        ax.set_title("Cost and accuracy; labels: changes from the next cheaper point", loc="left")
         add_legend(ax, own)
         _label_front(ax, advice, points, front)
     return ax
 
 
 def _label_front(ax: Axes, advice: Advice, points: pd.DataFrame, front: pd.DataFrame) -> None:
-    """What each point of the front has other than the one before, which is cheaper."""
+    """Label each point of the front with its changes from the next cheaper one."""
     ax.margins(x=0.12)
     ax.figure.draw_without_rendering()  # type: ignore[union-attr]  # places the axes
     words: list[str] = []

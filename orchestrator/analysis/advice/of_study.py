@@ -1,4 +1,4 @@
-"""Advice on a study: from its folder of results and the costs of its levels."""
+"""Advice on a study, from its folder of results and the costs of its levels."""
 
 from __future__ import annotations
 
@@ -31,20 +31,20 @@ def advice_on_study(
     contamination: float = 0.05,
     confidence: float = 0.95,
 ) -> Advice:
-    """Which design is the cheapest that is good enough; see `advise`.
+    """Find the cheapest design of a study that is good enough; see `advise`.
 
-    Runs in which the receiver is *lost* count as such.
+    A run counts as lost if the receiver is *lost* in it.
 
     Parameters
     ----------
     costs
-        By factor: the cost of each of its levels, in the order of the study or by name; a TOML
-        file (``gps = [900, 40]``) or a mapping.
+        Cost of each level of each factor, in the order of the study or by name: a TOML file
+        (``gps = [900, 40]``) or a mapping.
 
     Raises
     ------
     ConfigurationError
-        As `of_study`; or the costs do not fit the study.
+        For the reasons of `of_study`, or because the costs do not fit the study.
     """
     study = study_of(results)
     table = store.table(results, needed(study, response, receiver))
@@ -64,7 +64,7 @@ def _label(response: str, table: pd.DataFrame) -> str:
     """The response in words."""
     if "." in response:
         return words(response, table)
-    known = RESPONSES.get(response)  # of any receiver, where the receivers are a factor
+    known = RESPONSES.get(response)  # without a receiver if the receivers are a factor
     return readable(response) if known is None else known.words
 
 

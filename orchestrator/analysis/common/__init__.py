@@ -1,1 +1,1 @@
-"""What all analyses share: the runs that they can use, and the terms of a model."""
+"""The parts that all analyses share: usable runs, and the terms of a model."""

@@ -2,8 +2,8 @@
 
 The bound of the mean holds for skewed runs. For runs that are all at most B, it is the quantile
 1 − risk of Σ wᵢ xᵢ, where the n runs and B have weights from the flat Dirichlet distribution
-(N. Gaffke, Math. Methods Statist. 14, 2005, 451–467; Learned-Miller and Thomas, arXiv:1905.06208);
-for runs of two values it is Clopper and Pearson's. B is not known. It is taken to be twice as far
+(N. Gaffke, Math. Methods Statist. 14, 2005, 451–467; Learned-Miller and Thomas, arXiv:1905.06208).
+For runs with two values it is Clopper and Pearson's. B is unknown. It is assumed to be twice as far
 from the median as the worst run seen. With wᵢ = Eᵢ/ΣE for exponential E, P(Σ wᵢ xᵢ > t) is
 P(Σ Eᵢ (xᵢ − t) > 0), by Lugannani and Rice's saddlepoint formula (Adv. Appl. Prob. 12, 1980,
 475–490).
@@ -19,15 +19,15 @@ from scipy import optimize, special, stats
 
 Floats = NDArray[np.float64]
 TOLERANCE = 1e-9
-"""Rounding that is allowed for where a number of runs is rounded up."""
+"""Tolerance where a number of runs is rounded up."""
 LEAST_RUNS = 3
-"""Runs that a mean needs for its bound, whatever the contamination."""
+"""Fewest runs for the bound of a mean, whatever the contamination."""
 REACH = 2.0
-"""How far from the median, in units of the worst run's distance, runs are taken to be possible."""
+"""Assumed largest distance of a run from the median, in units of the worst run's distance."""
 
 
 def runs_to_see(share: float, risk: float) -> int:
-    """Number of runs that hold a bad one, given their share, except for this risk.
+    """Number of runs that include a bad one, given the share of bad runs, except for this risk.
 
     n = ln(risk)/ln(1 − share), as (1 − share)ⁿ ≤ risk: 59 for a share and a risk of 5 %.
     """
@@ -35,7 +35,7 @@ def runs_to_see(share: float, risk: float) -> int:
 
 
 def runs_for_t(skewness: float) -> int:
-    """Runs from which on t intervals of a mean hold for skewed runs, roughly.
+    """Approximate number of skewed runs above which t intervals of a mean hold.
 
     n = 25 g² (Cochran, Sampling Techniques, 3rd edition, 1977, section 2.15).
     """
@@ -63,7 +63,7 @@ def _weights(x: Floats, theta: float) -> tuple[float, float]:
     """A value t between the least and the largest x, and P(Σ Eᵢ (xᵢ − t) > 0).
 
     With dᵢ = xᵢ − t, K(s) = −Σ ln(1 − s dᵢ) has its saddlepoint K′(s) = 0 at s = θ/(1 − θ t) for
-    t = Σ vᵢ xᵢ / Σ vᵢ, vᵢ = 1/(1 − θ xᵢ): θ gives both without solving anything.
+    t = Σ vᵢ xᵢ / Σ vᵢ, vᵢ = 1/(1 − θ xᵢ). So θ gives both without an equation to solve.
     """
     v = 1 / (1 - theta * x)
     t = float((v * x).sum() / v.sum())

@@ -1,9 +1,9 @@
-"""Responses about a value in their middle, so that a large constant costs no digits.
+"""Responses as deviations from their middle value, so that a large constant costs no digits.
 
-Sums and squares of the runs themselves lose as many digits as the constant has before the scatter:
-of 10¹² + 0.3 nothing is left. Deviations from one of the values are exact where the values are
-within a factor of two of it (Sterbenz, Floating-Point Computation, 1974, 4.3); elsewhere the
-constant is no larger than the scatter.
+Sums and squares of the runs themselves lose as many digits as the constant exceeds the scatter by:
+of 10¹² + 0.3 nothing is left. Deviations from one of the values are exact for values within a
+factor of two of it (Sterbenz, Floating-Point Computation, 1974, 4.3). Otherwise the constant is no
+larger than the scatter.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ Groups = NDArray[np.intp]
 ROUNDING = 1e-12
 """Values below this fraction of the largest deviation are rounding noise."""
 DIGITS = 2 * np.finfo(np.float64).eps
-"""So are those below this fraction of the largest response, as responses are rounded themselves."""
+"""Values below this fraction of the largest response are, too, as responses are rounded."""
 NEAR = 0.5
-"""Relative deviation up to which the logarithm of a ratio is taken from the deviation."""
+"""Relative deviation up to which the logarithm of a ratio is computed from the deviation."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,11 +31,11 @@ class Centred:
     Attributes
     ----------
     centre
-        What all responses have in common.
+        The constant that is subtracted from all responses.
     off
-        Of each run: its response less the centre; shape (runs,).
+        Response of each run minus the centre; shape (runs,).
     least
-        What is smaller is rounding noise.
+        Smaller values are rounding noise.
     """
 
     centre: float
@@ -44,14 +44,14 @@ class Centred:
 
 
 def centred(y: Floats) -> Centred:
-    """A response about the value in the middle of its order."""
+    """A response as deviations from the middle one of its ordered values."""
     middle = _middle(y)
     off = y - middle
     return Centred(middle, off, _least(off, float(np.abs(y).max())))
 
 
 def centred_log(y: Floats) -> Centred:
-    """The natural logarithm of a positive response, about that of the value in the middle."""
+    """The natural logarithm of a positive response, as deviations from that of its middle value."""
     middle = _middle(y)
     centre = float(np.log(middle))
     with np.errstate(over="ignore"):
@@ -71,7 +71,7 @@ def _least(off: Floats, largest: float) -> float:
 
 
 def group_means(group: Groups, y: Floats) -> Floats:
-    """Mean of each group of runs, to the last digit but one, however many runs it has."""
+    """Mean of each group of runs, exact to the last digit but one for any number of runs."""
     runs = np.bincount(group)
     means: Floats = np.bincount(group, y) / runs
     means += np.bincount(group, y - means[group]) / runs

@@ -1,4 +1,4 @@
-"""Which columns of a table of runs an analysis is of, and what they are called."""
+"""The columns of a table of runs that an analysis needs, and their descriptions."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ RESPONSE = "absolute_total_rms_m"
 
 
 ALWAYS = (*NEES_COLUMNS.values(), RESPONSE, "inconsistent", "lost")
-"""Responses of each receiver that a report shows, whatever is analysed."""
+"""Responses of each receiver that every report shows."""
 
 
 def default_response(study: Study) -> str:
-    """What is analysed if nobody says."""
+    """The response that is analysed by default."""
     return RESPONSE if study.model is None else VALUE
 
 
@@ -35,13 +35,13 @@ def needed(study: Study, response: str = RESPONSE, receiver: str | None = None) 
     Raises
     ------
     ConfigurationError
-        When it chooses: there is no such receiver or response.
+        Raised when the columns are chosen: there is no such receiver or response.
     """
     own = ("point", "replicate", "run_order", "seed", "error", *study.varied,
            *(["run_id"] if study.design.kind == "grid" else []))
 
     def chosen(names: Sequence[str]) -> list[str]:
-        asked = _named(names, response, receiver).partition(".")[2]  # of all, to compare them
+        asked = _named(names, response, receiver).partition(".")[2]  # for all receivers
         return [
             name for name in names
             if name in own or name.partition(".")[2] in (*ALWAYS, asked)
@@ -68,12 +68,12 @@ def column_of(table: pd.DataFrame, response: str = RESPONSE, receiver: str | Non
 
 
 def _named(names: Sequence[str], response: str, receiver: str | None) -> str:
-    """Column of a response among the names of all columns."""
+    """Find the column of a response among all names of columns."""
     responses = [c for c in names if "." in c]
     receivers = list(dict.fromkeys(c.partition(".")[0] for c in responses))
     owner, _, own = response.partition(".")
     if own and owner in receivers and receiver in (None, owner):
-        receiver, response = owner, own  # named as in the table
+        receiver, response = owner, own  # with the column's name in the table
     chosen = receivers[0] if receiver is None else receiver
     if chosen not in receivers:
         raise ConfigurationError(
@@ -90,29 +90,29 @@ def _named(names: Sequence[str], response: str, receiver: str | None) -> str:
 
 
 def _hint(response: str, known: Sequence[str]) -> str:
-    """What was meant, or how a study gets percentiles."""
+    """The intended response, or how a study gets percentiles."""
     other = re.search(r"_p\d+(_|$)|percentile", response) and not PERCENTILES.keys() & {*known}
     if response not in ON_REQUEST and not other:
-        default = f"absolute_{response}"  # as a question names it
+        default = f"absolute_{response}"  # the short name in a question
         return f"; did you mean {default!r}?" if default in known else nearest(response, known)
     asked = response if response in ON_REQUEST else ALL_PERCENTILES
-    return f"; this study has none, its file must say responses = [\"{asked}\"] for it"
+    return f"; this study has none, for which its file must say responses = [\"{asked}\"]"
 
 
 def in_choices(study: Study, table: pd.DataFrame, column: str) -> pd.DataFrame:
-    """The runs with a column of numbers; those of all conditions put together."""
+    """The runs with a column of numbers, with the runs of all conditions combined."""
     if study.conditions:
         return of_choices(study, table, column).table
     return in_numbers(table, column)
 
 
 def in_numbers(table: pd.DataFrame, column: str) -> pd.DataFrame:
-    """The same table with a column of numbers, NaN where a value is missing."""
+    """The table with a column as numbers, NaN where a value is missing."""
     return table.assign(**{column: table[column].to_numpy(np.float64, na_value=np.nan)})
 
 
 def words(column: str, table: pd.DataFrame, *, of_all: bool = False) -> str:
-    """Words for a response. They name its receiver if there are several, unless ``of_all``."""
+    """A response in words, with its receiver if there are several, unless ``of_all``."""
     receiver, _, response = column.partition(".")
     known = RESPONSES.get(response)
     text = readable(response) if known is None else known.words

@@ -1,4 +1,4 @@
-"""Runs as an analysis of choices needs them: conditions put together, receivers as a factor."""
+"""Runs for an analysis of choices: conditions are combined, and receivers are a factor."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ import pandas as pd
 from ...study.definition import Definition
 
 BETTER_IF_LARGE = ("availability",)
-"""Responses of which the worst is the smallest."""
+"""Responses whose worst value is the smallest."""
 
 
 @dataclass(frozen=True, eq=False)
 class RunsOfChoices:
-    """A row for each run of a choice: of all conditions together, with one receiver.
+    """A row for each replicate of a choice, with all conditions combined and with one receiver.
 
     Attributes
     ----------
     table
-        ``point`` (of the design without its conditions) and ``replicate``, the factors, the
-        response, and ``lost`` (share of the runs in the row, if known).
+        ``point`` (number in the design without its conditions) and ``replicate``, the factors, the
+        response, and ``lost`` (share of lost runs in the row, if known).
     factors
-        Names of all factors, that of the receivers among them.
+        Names of all factors, including that of the receivers.
     response
         Column of the response.
     """
@@ -36,17 +36,17 @@ class RunsOfChoices:
 
 
 def of_choices(study: Definition, table: pd.DataFrame, column: str) -> RunsOfChoices:
-    """Put the runs of all conditions together, and let the receivers be a factor if they are one.
+    """Combine the runs of all conditions, and make the receivers a factor if the study does.
 
-    What counts of the conditions is their average or the worst, as each of them says; a run that is
-    missing in one of them is missing altogether.
+    Each condition counts with its average or its worst value, as the study says. A run that is
+    missing in one condition is missing in the result.
 
     Parameters
     ----------
     table
-        Of runs.
+        Table of runs.
     column
-        ``RECEIVER.RESPONSE``; if the receivers are a factor, of any of them.
+        ``RECEIVER.RESPONSE``; if the receivers are a factor, the name of any of them.
     """
     receiver, _, response = column.partition(".")
     own = study.receiver_factor
@@ -67,7 +67,7 @@ def of_choices(study: Definition, table: pd.DataFrame, column: str) -> RunsOfCho
     factors = [*study.factors]
     values = [c for c in (name, "lost") if c in long]
     worst = "min" if response in BETTER_IF_LARGE else "max"
-    # Averages first: what must hold in all conditions must hold on the average of the others.
+    # Averages first: a limit for the worst condition applies to averages over the others.
     for combine, how in (("average", "mean"), ("all", worst)):
         gone = [n for n, c in study.conditions.items() if c.combine == combine]
         if gone:
@@ -81,7 +81,7 @@ def _combined(
     table: pd.DataFrame, by: Sequence[str], same: Sequence[str], values: Sequence[str],
     response: str, how: str,
 ) -> pd.DataFrame:
-    """One row for each group of rows, which agree in some columns; missing where one of them is."""
+    """One row for each group of rows with equal columns; missing if one of the rows is."""
     groups = table.groupby([*by], sort=False)
     made = groups[[*same]].first() if same else groups.size().to_frame()[[]]
     for value in values:

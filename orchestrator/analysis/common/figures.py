@@ -1,4 +1,4 @@
-"""What the figures of all analyses share: panels, legends, and labels with units."""
+"""The parts that the figures of all analyses share: panels, legends, and labels with units."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ class Quantified(Protocol):
 
     @property
     def unit(self) -> str:
-        """Of the quantity; empty without one."""
+        """Unit of the quantity; empty if it has none."""
 
     @property
     def quantity(self) -> str:
-        """What is analysed."""
+        """The analysed quantity."""
 
 
 def add_legend(ax: Axes, own: bool, handles: Sequence[Any] | None = None) -> None:
-    """A legend that hides nothing: below the axes in a figure of our own."""
+    """Add a legend that hides nothing: in a new figure it is below the axes."""
     given = {} if handles is None else {"handles": handles}
     if own:
         ax.figure.legend(loc="outside lower center", ncols=2, **given)
@@ -42,14 +42,14 @@ def panels_in(
     ax: Axes | None,
     heights: Sequence[float] | None = None,
 ) -> list[Axes]:
-    """Panels in a new figure, or instead of `ax`, which vanishes."""
+    """Panels in a new figure, or in the place of `ax`, which disappears."""
     if ax is None:
         panels = new_figure(width, height).subplots(rows, columns, squeeze=False,
                                                     height_ratios=heights)
         return list(panels.flat)
     spec = ax.get_subplotspec()
     if spec is None:
-        raise ValueError("ax: must be in a grid of axes, as Figure.subplots makes them")
+        raise ValueError("ax: must be in a grid of axes, such as those of Figure.subplots")
     ax.set_axis_off()
     grid = spec.subgridspec(rows, columns, height_ratios=heights)
     figure = ax.figure

@@ -18,13 +18,13 @@ from .runs import points_of
 
 Floats = NDArray[np.float64]
 Term = tuple[int, ...]
-"""Indices of a term's factors, ascending; the mean is the empty term."""
+"""Indices of a term's factors, in ascending order; the mean is the empty term."""
 
 CURVATURE = "curvature"
 TOLERANCE = 1e-6
-"""How far a level may be from the stated one, in coded units."""
+"""Largest deviation of a level from the stated one, in coded units."""
 ALIAS_ORDER = 3
-"""Interactions beyond this order are not looked for among the aliases."""
+"""Highest order of the interactions among the aliases."""
 MAX_LISTED = 8
 """Most aliases that a message lists."""
 
@@ -38,10 +38,10 @@ class TwoLevelModel:
     levels
         Low and high level of each factor, in its own unit.
     terms
-        Without the mean.
+        Terms except the mean.
     points
-        The distinct design points, their levels as −1, +1, or 0 in all factors for a centre point,
-        in ascending order; shape (points, factors).
+        The distinct design points in ascending order: their levels are −1, +1, or 0 in all factors
+        for a centre point; shape (points, factors).
     point_of_run
         Index of each run's point in `points`; shape (runs,).
     reduced
@@ -66,12 +66,13 @@ class TwoLevelModel:
 
     @property
     def centre(self) -> NDArray[np.bool_]:
-        """Which of the points are centre points."""
+        """Whether each point is a centre point."""
         return is_centre(self.points)
 
     @property
     def aliases(self) -> dict[str, tuple[str, ...]]:
-        """Terms outside of the model whose columns are those of a term in it, or their negative."""
+        """Terms that the model lacks and whose columns equal those of its terms, or their negative.
+        """
         factors = tuple(self.levels)
         points = self.points[~self.centre]
         if len(points) == 2 ** len(factors):
@@ -97,12 +98,12 @@ def estimable(
     order: int | None,
     reducible: bool,
 ) -> TwoLevelModel:
-    """The model of some runs, or main effects alone if that is allowed and necessary.
+    """The model of some runs; main effects alone, if this is allowed and necessary.
 
     Raises
     ------
     ConfigurationError
-        The design cannot estimate the model; the terms that cannot be told apart are named.
+        The design cannot estimate the model. The message names the terms that it cannot tell apart.
     """
     factors = tuple(levels)
     points, of_run = coded_points(data, levels)
@@ -131,7 +132,7 @@ def terms_up_to(order: int, factors: int) -> tuple[Term, ...]:
 def chosen_terms(
     factors: tuple[str, ...], order: int | None, given: Sequence[str | Sequence[str]] | None
 ) -> tuple[Term, ...]:
-    """The terms that are given, or those up to an order."""
+    """The given terms, or all terms up to an order."""
     if given is None:
         order = min(2, len(factors)) if order is None else order
         if not 1 <= order <= len(factors):
@@ -148,11 +149,11 @@ def chosen_terms(
         for name in names:
             if name not in factors:
                 raise ConfigurationError(
-                    f"terms: must be made of the factors, got {name!r}" + nearest(name, factors)
+                    f"terms: must consist of the factors, got {name!r}" + nearest(name, factors)
                 )
         term = tuple(sorted(factors.index(name) for name in names))
         if not term or len(set(term)) < len(term) or term in terms:
-            raise ConfigurationError(f"terms: must be different terms, got {entry!r} again")
+            raise ConfigurationError(f"terms: must be different terms, got {entry!r} twice")
         terms.append(term)
     if not terms:
         raise ConfigurationError("terms: must name at least one term, got none")
@@ -173,7 +174,7 @@ def checked_levels(
     for name in given or {}:
         if name not in factors:
             raise ConfigurationError(
-                f"levels: must be of the factors, got {name!r}" + nearest(name, factors)
+                f"levels: must be for the factors, got {name!r}" + nearest(name, factors)
             )
     levels = {}
     for name in factors:
@@ -191,9 +192,10 @@ def checked_levels(
 def coded_points(
     data: pd.DataFrame, levels: Mapping[str, tuple[float, float]]
 ) -> tuple[Floats, NDArray[np.intp]]:
-    """The distinct design points in coded levels, ascending, and the index of each run's."""
+    """The distinct design points in coded levels, in ascending order, and the index of each run's.
+    """
     found = points_of(data, tuple(levels))
-    rows = np.argsort(found.first)  # by their first runs, so that a message is of the first one
+    rows = np.argsort(found.first)  # by their first runs, so that messages name the first one
     coded = coded_levels(data.iloc[found.first[rows]], levels)
     points, place = np.unique(coded, axis=0, return_inverse=True)
     index = np.empty(len(rows), np.intp)
@@ -215,11 +217,11 @@ def coded_levels(data: pd.DataFrame, levels: Mapping[str, tuple[float, float]]) 
             f"{name}: must be {low[column]:g}, {high[column]:g} or, with all factors in the "
             f"middle, {(low[column] + high[column]) / 2:g}, got {data[name].iloc[row]:g}"
         )
-    return coded + 0.0  # no negative zeros: they would look like points of their own
+    return coded + 0.0  # removes negative zeros, which would seem to be different points
 
 
 def is_centre(coded: Floats) -> NDArray[np.bool_]:
-    """Which rows are centre points."""
+    """Whether each row is a centre point."""
     return np.asarray(np.all(coded == 0, axis=1))
 
 
@@ -238,7 +240,7 @@ def _product(coded: Floats, term: Term) -> Floats:
 
 
 def _rank(x: Floats) -> int:
-    """Columns that the design points can tell apart."""
+    """Number of columns that the design points can tell apart."""
     return int(np.linalg.matrix_rank(np.unique(x, axis=0)))
 
 

@@ -18,12 +18,12 @@ Method = Literal["ols", "replicates", "lenth"]
 
 @dataclass(frozen=True)
 class Options:
-    """Options of `sblcosim.analysis.analyse`, checked.
+    """Checked options of `sblcosim.analysis.analyse`.
 
     Raises
     ------
     ConfigurationError
-        An option is not one of its choices, or two of them do not go together.
+        An option is invalid, or two options contradict each other.
     """
 
     seeding: Seeding
@@ -41,8 +41,8 @@ class Options:
         check_choice("error", self.error, get_args(Error))
         if self.seeding == "common" and self.error != "pure":
             raise ConfigurationError(
-                f"error: must be pure with common random numbers, where effects are compared "
-                f"between replicates, got {self.error!r}"
+                f"error: must be pure with common random numbers, which compare effects between "
+                f"replicates, got {self.error!r}"
             )
         if not 0 < self.confidence < 1:
             raise ConfigurationError(

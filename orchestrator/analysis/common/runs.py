@@ -13,7 +13,7 @@ from .centred import Centred, centred, centred_log
 from .options import Options
 
 LARGEST = 1e60
-"""Of a response's largest run, and its reciprocal the least: fourth powers are to be numbers."""
+"""Bound of the largest response; its reciprocal is the lower bound. Fourth powers stay finite."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,14 +37,14 @@ class Points:
 
 
 def points_of(data: pd.DataFrame, factors: tuple[str, ...]) -> Points:
-    """Find the design points of some runs: factor by factor, without a comparison of rows."""
+    """Find the design points of some runs, factor by factor, without comparing rows."""
     of_run, count = np.zeros(len(data), np.intp), 1
     for name in factors:
         code, levels = pd.factorize(data[name], sort=True, use_na_sentinel=False)
         of_run = of_run * len(levels) + code
         if count * len(levels) < len(data):
             count *= len(levels)
-        else:  # no more numbers than runs, however many factors there are
+        else:  # keeps the numbers below that of the runs, for any number of factors
             of_run, seen = pd.factorize(of_run, sort=True)
             count = len(seen)
     of_run = pd.factorize(of_run, sort=True)[0]
@@ -81,12 +81,12 @@ def check_columns(
 def usable(
     table: pd.DataFrame, factors: tuple[str, ...], response: str, options: Options
 ) -> pd.DataFrame:
-    """Runs with a finite response; with common random numbers those of complete replicates.
+    """Runs with a finite response; with common random numbers, only complete replicates.
 
     Raises
     ------
     ConfigurationError
-        There are none, or their squares are too large or too small for numbers.
+        There are none, or their squares overflow or underflow.
     """
     finite = np.isfinite(table[response].to_numpy(np.float64))
     own = (c for c in (options.replicate, options.run_order) if c in table)
@@ -107,7 +107,7 @@ def usable(
 def transformed(
     data: pd.DataFrame, factors: tuple[str, ...], response: str, options: Options
 ) -> tuple[pd.DataFrame, Centred]:
-    """The runs with the response that is analysed, and this response about its centre."""
+    """The runs with the analysed response, and this response as deviations from its centre."""
     y = data[response].to_numpy(np.float64)
     if options.transform == "log":
         if (y <= 0).any():
@@ -130,7 +130,7 @@ def transformed(
 
 
 def _complete(data: pd.DataFrame, factors: tuple[str, ...], replicate: str) -> pd.DataFrame:
-    """The replicates that have every design point, each once."""
+    """The replicates that have every design point once."""
     if replicate not in data:
         raise ConfigurationError(
             f"{replicate}: must be a column of the table for common random numbers, got none"
@@ -162,7 +162,7 @@ def _check_spread(
     size, std = groups.size(), groups.std()
     if (size < need).any():
         raise ConfigurationError(
-            f"{response}: must have {need} runs or more at each point for its spread, got "
+            f"{response}: must have at least {need} runs at each point for its spread, got "
             f"{size.min()}"
         )
     if (std <= 0).any():
@@ -189,10 +189,10 @@ def _jackknifed_spread(
         y = values.to_numpy(np.float64)
         n = len(y)
         around = y - y.mean()
-        squares = (around**2).sum() - around**2 * n / (n - 1)  # of the others, about their mean
+        squares = (around**2).sum() - around**2 * n / (n - 1)  # other runs about their own mean
         with np.errstate(divide="ignore"):
             pseudo = -(n - 1) / 2 * np.log(np.maximum(squares, 0) / (n - 2))
-        # Only their scatter matters: their mean is set to ln s itself.
+        # Only their scatter matters, so their mean is set to ln s itself.
         return pd.Series(pseudo - pseudo.mean() + np.log(y.std(ddof=1)), index=values.index)
 
     groups = data[response].groupby(points_of(data, factors).of_run)

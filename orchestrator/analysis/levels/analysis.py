@@ -1,9 +1,9 @@
 """Analysis of designs whose factors have any number of levels, numbers or words, balanced or not.
 
-The model is the general linear one: a mean, a main effect of each factor, and interactions
-(Montgomery, Design and Analysis of Experiments, 8th edition, chapters 5 and 15.2). How its terms
-are defined is said in `sblcosim.analysis.levels.linear`, where errors come from in
-`sblcosim.analysis.levels.variance`.
+The model is the general linear model: a mean, a main effect of each factor, and interactions
+(Montgomery, Design and Analysis of Experiments, 8th edition, chapters 5 and 15.2).
+`sblcosim.analysis.levels.linear` defines its terms, and `sblcosim.analysis.levels.variance` the
+source of the errors.
 """
 
 from __future__ import annotations
@@ -45,9 +45,9 @@ drawings: Any = Module("sblcosim.analysis.levels.figures")
 LOST = "lost"
 """Column of lost runs."""
 CONTAMINATION = 0.05
-"""Smallest share of bad runs that each level has enough runs to show."""
+"""Smallest share of bad runs for which every level should have shown one."""
 RUNAWAY = 50.0
-"""Of the median: a run beyond is told, however few there are."""
+"""A response above this multiple of the median is reported, even of a single run."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -62,68 +62,69 @@ class GeneralFactorial(Answer):
     levels
         Levels of each factor that have runs, in their order.
     terms, typ
-        The model without its mean, as indices of the factors, and the type of its sums of squares.
+        Terms of the model except the mean, as indices of the factors, and the type of its sums of
+        squares.
     left_out
-        Interactions that were asked for but cannot be estimated from the combinations of levels
-        that have runs: then the model has main effects alone.
+        Requested interactions that the combinations of levels with runs cannot estimate. If there
+        are any, the model has main effects alone.
     seeding, confidence
-        Whether the runs of a replicate share their noise; of intervals.
+        Whether the runs of a replicate share their noise; the confidence of intervals.
     anova
         Per ``source`` (terms, residual, total and others): ``df``, ``sum_sq``, ``mean_sq``, ``F``,
         ``p``; see `sblcosim.analysis.levels.variance.anova_table`.
     means
-        Marginal means, each combination of the other factors' levels counted once: ``factor``,
+        Marginal means, which count each combination of the other factors' levels once: ``factor``,
         ``level``, ``runs``, ``lost`` (share of the table's runs that are lost or have no finite
-        response), ``mean``, ``std_error``, ``df``, ``low``, ``high`` (interval of this mean alone;
-        NaN if it would reach below zero though no run does: it is not known then).
+        response), ``mean``, ``std_error``, ``df``, ``low``, ``high``. The interval holds for this
+        mean alone. It is NaN, for unknown, if it would reach below zero although no run does.
     cells
         The same for each two factors: ``first``, ``second``, ``first_level``, ``second_level`` …
     pairs
         Differences of the levels of each factor: ``factor``, ``one``, ``other``, ``difference``
-        (of one's mean less other's), ``std_error``, ``df``, ``t``, ``p`` (adjusted), ``low``,
-        ``high`` (intervals that hold for all pairs of the factor at once); ``ratio``,
+        (the mean of one minus that of other), ``std_error``, ``df``, ``t``, ``p`` (adjusted),
+        ``low``, ``high`` (intervals that hold for all pairs of the factor at once); ``ratio``,
         ``ratio_low``, ``ratio_high`` for logarithms; ``median_difference``, ``median_low``,
-        ``median_high`` of the response itself (with common random numbers the median of the
+        ``median_high`` of the response itself (with common random numbers, the median of the
         differences within a replicate, see `sblcosim.analysis.levels.medians.median_pairs`);
         ``differs``, judged by medians where means cannot be trusted (`by_medians`).
     runs, combinations, dropped
-        Runs that were analysed, combinations of levels that they are of, and runs left out because
-        their response is not finite (or, with common random numbers, their replicate incomplete).
+        Number of analysed runs, of their combinations of levels, and of runs that are left out
+        because their response is not finite or, with common random numbers, their replicate is
+        incomplete.
     df, rmse, r2
-        Degrees of freedom and root of the residual mean square; share of the sum of squares that
+        Degrees of freedom and standard deviation of the residuals; share of the sum of squares that
         the model explains.
     spread
-        Smallest and largest standard deviation of the combinations that have two runs or more.
+        Smallest and largest standard deviation of the combinations with two runs or more.
     far, far_log
         Share of the runs more than 5 robust standard deviations from the median of their
-        combination, of the response and of its logarithm; NaN if no combination has 10 runs.
+        combination, for the response and for its logarithm; NaN if no combination has 10 runs.
     heavy
         Whether there are enough of these to call the tails heavy.
     skewness
-        Of the runs about the mean of their combination; NaN as `far`.
+        Skewness of the runs about the mean of their combination; NaN if `far` is.
     fewest, runs_needed
-        Runs at the level that has the fewest, and as many as it takes to have seen a bad run at
-        every level if 1 in 20 is one.
+        Runs at the level with the fewest, and runs that every level needs to show a bad run if 1 in
+        20 is bad.
     empty
         Levels without any run that counts.
     units
-        Of the factors, for texts.
+        Units of the factors, for texts.
     medians
-        Of all runs at each level, of the response itself whatever is analysed: ``factor``,
-        ``level``, ``median``, ``low``, ``high``; see
-        `sblcosim.analysis.levels.medians.median_table`.
+        Medians of the response itself over all runs at each level: ``factor``, ``level``,
+        ``median``, ``low``, ``high``; see `sblcosim.analysis.levels.medians.median_table`.
     practical
-        Smallest difference that matters, with ``log`` a ratio; None: none was said. With it `pairs`
-        has ``verdict``: ``equal`` (the interval is within ±practical), ``differs`` (it is
-        beyond), ``undecided``.
+        Smallest difference that matters, with ``log`` a ratio; None if none was given. With it,
+        `pairs` has a ``verdict``: ``equal`` (the interval is within ±practical), ``differs`` (it
+        is beyond), ``undecided``.
     worst_run
-        Which run has the `largest`, if that is known.
+        The run with the `largest` response, if it is known.
     labels, label
-        Names for people to read, of the factors and of the response, if they have any.
+        Labels of the factors and of the response, for people, if they have any.
     measured_in
-        Unit of the response itself, whatever is analysed.
+        Unit of the response itself.
     largest, median
-        Of the response itself.
+        Largest value and median of the response itself.
     """
 
     columns = MappingProxyType({
@@ -169,7 +170,7 @@ class GeneralFactorial(Answer):
 
     @property
     def own_means(self) -> pd.DataFrame:
-        """`means` on the scale of the response: of logarithms, geometric means."""
+        """`means` on the scale of the response; for logarithms, geometric means."""
         if self.transform != "log":
             return self.means
         return self.means.assign(
@@ -178,30 +179,30 @@ class GeneralFactorial(Answer):
 
     @property
     def mean_of(self) -> str:
-        """What `own_means` are, with their unit."""
+        """Description of `own_means`, with their unit."""
         unit = f" [{self.measured_in}]" if self.measured_in else ""
         return f"{'Geometric mean' if self.transform == 'log' else 'Mean'} {self.response}{unit}"
 
     @property
     def shown_of(self) -> str:
-        """What stands first: medians where means cannot be trusted, with their unit."""
+        """Description of the statistic that comes first: medians where means cannot be trusted."""
         unit = f" [{self.measured_in}]" if self.measured_in else ""
         return f"Median {self.response}{unit}" if self.by_medians else self.mean_of
 
     @property
     def ran_away(self) -> bool:
-        """Whether a single run is so far beyond the median that means rest on it."""
+        """Whether a single run is so far above the median that it dominates the means."""
         return self.transform == "none" and 0 < RUNAWAY * self.median < self.largest
 
     @property
     def by_medians(self) -> bool:
-        """Whether means cannot be trusted: heavy tails, a runaway, intervals not known."""
+        """Whether means cannot be trusted: heavy tails, a runaway, or unknown intervals."""
         unknown = bool(self.means["low"].isna().any())
         return self.transform == "none" and (self.heavy or self.ran_away or unknown)
 
     @property
     def judged_pairs(self) -> pd.DataFrame:
-        """`pairs` with the ``difference``, ``low`` and ``high`` that they are judged by."""
+        """`pairs` with the ``difference``, ``low`` and ``high`` that decide their verdicts."""
         if not self.by_medians:
             return self.pairs
         medians = {name: self.pairs[f"median_{name}"] for name in ("difference", "low", "high")}
@@ -209,7 +210,7 @@ class GeneralFactorial(Answer):
 
     @property
     def within_replicates(self) -> bool:
-        """Whether pairs are judged by medians of differences, not by differences of medians."""
+        """Whether medians of differences, instead of differences of medians, judge the pairs."""
         return self.by_medians and self.seeding == "common"
 
     @property
@@ -224,7 +225,7 @@ class GeneralFactorial(Answer):
 
     @property
     def title(self) -> str:
-        """Of a page."""
+        """Title of a page."""
         return f"Means of {self.readable.quantity}"
 
     @property
@@ -247,7 +248,7 @@ class GeneralFactorial(Answer):
 
     @property
     def remarks(self) -> list[str]:
-        """What stands against the answer, and how to read the numbers, a line each."""
+        """Doubts about the answer, and how to read the numbers, one line each."""
         shown = self.readable
         return [*sentences.warnings(shown), *sentences.notes(shown)]
 
@@ -263,7 +264,7 @@ class GeneralFactorial(Answer):
         return plain
 
     def manifest(self) -> dict[str, Any]:
-        """What was analysed, and how."""
+        """The question and the method."""
         return {
             "analysis": {
                 "response": self.response, "factors": list(self.factors),
@@ -274,7 +275,7 @@ class GeneralFactorial(Answer):
 
     @property
     def readable(self) -> Self:
-        """The same with `labels` and `label` instead of the columns' names, for people."""
+        """A copy with `labels` and `label` instead of the names of columns, for people."""
         names = {name: self.labels.get(name, name) for name in self.factors}
         terms = {term_name(term, self.factors): term_name(term, tuple(names.values()))
                  for term in self.terms}
@@ -294,12 +295,12 @@ class GeneralFactorial(Answer):
         )
 
     def text(self, *, verbose: bool = False, width: int | None = None, most: int = 12) -> str:
-        """The analysis in words: the answer, the analysis of variance, the means of the levels.
+        """The answer, the analysis of variance, and the means of the levels.
 
         Parameters
         ----------
         verbose
-            With the `most` largest differences of each factor, and how it was analysed.
+            Add the `most` largest differences of each factor, and the method.
         width
             Columns to fit into; None: sentences are not wrapped.
         """
@@ -362,10 +363,10 @@ def analyse(
     factors, response
         Columns.
     order
-        The model has interactions of up to this many factors. If the combinations of levels that
-        have runs cannot estimate them all, main effects are taken alone, and the result says so.
+        The model has interactions of up to this many factors. If the combinations of levels with
+        runs cannot estimate them all, the model has main effects alone, and the result says so.
     typ
-        Of the sums of squares: 2 or 3.
+        Type of the sums of squares: 2 or 3.
     transform
         ``log`` analyses the natural logarithm of the response.
     seeding
@@ -373,23 +374,24 @@ def analyse(
     replicate
         Column of the replicate's number, for common random numbers.
     confidence
-        Of intervals.
+        Confidence of intervals.
     levels
-        All levels of some factors, in their order; that of the others is the order in the table.
+        All levels of some factors, in their order. The levels of other factors have the order of
+        the table.
     lost
-        Column that is not zero for lost runs, if the table has it: their share stands beside every
+        Column that is not zero for lost runs, if the table has it. Their share is beside every
         mean.
     practical
-        Smallest difference of two levels that matters; with ``log`` a ratio, above 1. It is of
-        means, or of medians where means cannot be trusted.
+        Smallest difference of two levels that matters; with ``log`` a ratio above 1. It applies to
+        means, or to medians where means cannot be trusted.
     labels, label, units, unit
-        For texts: names of the factors and of the response, and their units.
+        Labels and units of the factors and of the response, for texts.
 
     Raises
     ------
     ConfigurationError
-        A column, a level or an option is not as it must be, main effects cannot be told apart, or
-        nothing is left to estimate an error from.
+        A column, a level or an option is invalid, main effects cannot be told apart, or no run is
+        left to estimate an error from.
     """
     factors = tuple(factors)
     check_choice("transform", transform, ("none", "log"))
@@ -411,7 +413,7 @@ def analyse(
         for name in given:
             if name not in factors:
                 raise ConfigurationError(
-                    f"{where}: must be of the factors, got {name!r}" + nearest(name, factors)
+                    f"{where}: must be for the factors, got {name!r}" + nearest(name, factors)
                 )
     y = table[response].to_numpy(np.float64, na_value=np.nan)
     y = y[np.isfinite(y)]
@@ -432,7 +434,7 @@ def _with_medians(analysis: GeneralFactorial, cells: Cells) -> pd.DataFrame:
 
 
 def judged(analysis: GeneralFactorial) -> GeneralFactorial:
-    """The same with its pairs judged by what stands first: means, or medians."""
+    """A copy whose pairs are judged by the statistic that comes first: means, or medians."""
     by = analysis.judged_pairs
     low, high = by["low"].to_numpy(np.float64), by["high"].to_numpy(np.float64)
     pairs = analysis.pairs.assign(differs=(low > 0) | (high < 0))
@@ -444,7 +446,7 @@ def judged(analysis: GeneralFactorial) -> GeneralFactorial:
 
 
 def _without_negative(analysis: GeneralFactorial) -> GeneralFactorial:
-    """The same without intervals of means that reach below zero: such a mean is not known."""
+    """A copy without the intervals of means that reach below zero, which makes them unknown."""
     tables = {}
     for name in ("means", "cells"):
         table = getattr(analysis, name)
@@ -525,9 +527,10 @@ def _of(analysis: GeneralFactorial) -> tuple[GeneralFactorial]:
 FIGURES: Mapping[str, Figure[GeneralFactorial]] = by_name(
     Figure(
         "main_effects", drawings.later("plot_means"), _of,
-        lambda a: f"{a.shown_of} at each level; bars are its interval alone." if a.by_medians else (
-            f"{a.mean_of} at each level, every combination of the others counted "
-            "once; bars are the intervals of these means alone."
+        lambda a: f"{a.shown_of} at each level. Each bar is the interval of one median alone."
+        if a.by_medians else (
+            f"{a.mean_of} at each level, which counts every combination of the other factors once. "
+            "Each bar is the interval of one mean alone."
         ),
         lambda a: f"{'Medians' if a.by_medians else 'Means'} of {a.quantity} by level of "
         f"{', '.join(a.factors)}",
@@ -535,13 +538,13 @@ FIGURES: Mapping[str, Figure[GeneralFactorial]] = by_name(
     Figure(
         "pairs", drawings.later("plot_pairs"), _of,
         lambda a: "Differences of levels, with intervals that hold for all pairs of a factor at "
-        "once: what leaves zero differs.",
+        "once. Levels differ if their interval excludes zero.",
         lambda a: "Differences of pairs of levels with simultaneous intervals",
     ),
     Figure(
         "interactions", drawings.later("plot_interactions"), _of,
         lambda a: f"Interactions: mean {a.quantity} at pairs of levels. Lines that are not "
-        "parallel are an interaction.",
+        "parallel show an interaction.",
         lambda a: "Interaction plots of pairs of factors",
         lambda a: len(a.factors) > 1,
     ),

@@ -1,7 +1,7 @@
 """The runs of a table, reduced to its cells: the combinations of levels that have runs.
 
-Least squares needs of a cell its number of runs, their mean and their sum of squares about it: so a
-million runs are analysed as fast as there are combinations, not runs.
+For each cell, least squares needs the number of runs, their mean and their sum of squares about it.
+The time of an analysis therefore depends on the number of combinations, not of runs.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ from .medians import median_table
 
 Indices = NDArray[np.intp]
 MOST_LEVELS = 100
-"""Most levels of a factor; what has more is not a factor but a covariate."""
+"""Most levels of a factor; a column with more levels is a covariate."""
 NORMAL = 1.4826
 """Standard deviation of normal runs, in units of their median absolute deviation."""
 FAR = 5.0
 """Robust standard deviations beyond which a run lies far from the others."""
 TAIL_RUNS = 10
-"""Runs that a cell needs for its tails to be looked at."""
+"""Fewest runs of a cell whose tails are examined."""
 HEAVY = 0.015
-"""Share of far runs from which on tails are heavy; of 10 normal runs 0.4 % are far, of 60 none."""
+"""Share of far runs above which tails are heavy. Of 10 normal runs 0.4 % are far, of 60 none."""
 LEAST_FAR = 3
-"""Far runs that heavy tails need, too."""
+"""Fewest far runs for heavy tails."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,30 +47,30 @@ class Cells:
     index
         Number of each factor's level; shape (cells, factors).
     centre, least
-        What all responses have in common, and below what deviations are rounding noise; see
-        `sblcosim.analysis.common.centred`.
+        The constant that is subtracted from all responses, and the size below which deviations are
+        rounding noise; see `sblcosim.analysis.common.centred`.
     runs, mean, squares
-        Of each cell: number of runs, their mean less the centre, sum of squares about it.
+        Number of runs of each cell, their mean minus the centre, and sum of squares about it.
     values
-        With common random numbers the runs less the centre; shape (replicates, cells).
+        With common random numbers, the runs minus the centre; shape (replicates, cells).
     far
         Share of the runs that lie more than `FAR` robust standard deviations from their cell's
         median; NaN if no cell has `TAIL_RUNS`.
     far_log
-        The same of their logarithms, where these exist and are not the response.
+        The same share for the logarithms, where these exist and are not the response.
     heavy
         Whether the tails are heavy: too many runs lie far from the others.
     skewness
-        Of the runs about their cells' means, averaged over the cells; NaN as `far`.
+        Skewness of the runs about their cells' means, averaged over the cells; NaN if `far` is.
     dropped
-        Runs that were left out.
+        Number of runs that were left out.
     seen_index, seen, seen_lost
-        Cells of all runs of the table, left out or not; their number, and that of those which are
-        lost.
+        Cells of all runs of the table, including those left out; the number of their runs, and of
+        their lost runs.
     empty
         Levels without any run that counts, as ``factor level``.
     medians
-        Of the response itself, see `sblcosim.analysis.levels.medians.median_table`.
+        Medians of the response itself, see `sblcosim.analysis.levels.medians.median_table`.
     """
 
     levels: Mapping[str, tuple[Level, ...]]
@@ -103,7 +103,7 @@ class Cells:
         return tuple(map(len, self.levels.values()))
 
     def by_level(self, factor: int) -> Floats:
-        """With common random numbers the `values` by level of a factor.
+        """With common random numbers, the `values` by level of a factor.
 
         Shape (replicates, levels, combinations of the others' levels); NaN where there is no cell.
         """
@@ -128,14 +128,15 @@ def cells_of(
     Parameters
     ----------
     levels
-        Order of the levels of some factors; that of the others is the order in the table.
+        Order of the levels of some factors. The levels of other factors have the order of the
+        table.
     lost
-        Column that is not zero for lost runs. Runs without a finite response are lost, too.
+        Column that is not zero for lost runs. Runs without a finite response count as lost, too.
 
     Raises
     ------
     ConfigurationError
-        A column or a level is not as it must be, or no runs are left.
+        A column or a level is invalid, or no runs are left.
     """
     numbers, known = _numbered(table, factors, response, levels, options)
     gone = _gone(table, numbers[response], lost)
@@ -177,7 +178,7 @@ def cells_of(
 
 
 def _gone(table: pd.DataFrame, response: pd.Series[float], lost: str) -> pd.Series[bool]:
-    """Which runs are lost, or have no response."""
+    """Whether each run is lost or has no response."""
     gone = response.isna().to_numpy()
     if lost in table:
         gone = gone | (table[lost].to_numpy(np.float64, na_value=0.0) != 0)
@@ -191,12 +192,12 @@ def _numbered(
     levels: Mapping[str, Sequence[Level]],
     options: Options,
 ) -> tuple[pd.DataFrame, dict[str, tuple[Level, ...]]]:
-    """The table with numbers of levels, NaN for a response that is not finite; and the levels."""
+    """The table with numbers of levels, and NaN for a response that is not finite; the levels."""
     check_columns(table, factors, response, numbers=False)
     for name in levels:
         if name not in factors:
             raise ConfigurationError(
-                f"levels: must be of the factors, got {name!r}" + nearest(name, factors)
+                f"levels: must be for the factors, got {name!r}" + nearest(name, factors)
             )
     if options.replicate in factors:
         raise ConfigurationError(f"replicate: must not be a factor, got {options.replicate!r}")
@@ -242,7 +243,7 @@ def _coded(
 def _with_runs(
     data: pd.DataFrame, known: Mapping[str, tuple[Level, ...]]
 ) -> tuple[list[Indices], tuple[str, ...]]:
-    """Numbers of the levels that have runs, by factor, and the levels that have none."""
+    """Numbers of the levels with runs, by factor, and the levels without runs."""
     left: list[Indices] = []
     empty: list[str] = []
     for name, levels in known.items():
@@ -257,7 +258,7 @@ def _with_runs(
 
 
 def _renumbered(index: Indices, left: Sequence[Indices]) -> Indices:
-    """Numbers among the levels that have runs; −1 for the others."""
+    """Numbers among the levels with runs; −1 for other levels."""
     columns = [np.where(np.isin(old, kept), np.searchsorted(kept, old), -1)
                for old, kept in zip(index.T, left, strict=True)]
     return np.column_stack(columns)
@@ -272,7 +273,7 @@ def _by_replicate(data: pd.DataFrame, cell: Indices, y: Floats, options: Options
 
 
 def _far(y: Floats, cell: Indices, runs: Floats) -> tuple[float, bool]:
-    """Share of runs that lie far from the others of their cell, and whether tails are heavy."""
+    """Share of runs far from the others of their cell, and whether tails are heavy."""
     enough = (runs >= TAIL_RUNS)[cell]
     if not enough.any():
         return np.nan, False

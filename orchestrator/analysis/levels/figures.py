@@ -1,7 +1,7 @@
 """Figures of an analysis of factors with many levels, narrow enough for a telephone.
 
-Levels are rows, so that many of them and long names have room. Each function has a panel for each
-factor, or two of them, in a new figure or instead of the axes it is given.
+Levels are rows, which leaves room for many of them and for long names. Each function draws a panel
+for each factor or pair of factors, in a new figure or in the place of given axes.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from .analysis import GeneralFactorial
 from .sentences import level_text, pair_texts
 
 WIDTH = 4.0
-"""Of a figure [inch]: 384 pixels of a browser."""
+"""Width of a figure [inch]: 384 pixels of a browser."""
 LINE = 0.17
 """Height of a line of text [inch]."""
 NAME = 20
@@ -30,9 +30,9 @@ NAME = 20
 TITLE = 32
 """Longest part of a panel's title on one line [characters]."""
 MOST_PAIRS = 15
-"""Most differences of a factor that are drawn."""
+"""Most drawn differences of a factor."""
 MOST_PANELS = 6
-"""Most pairs of factors that are drawn."""
+"""Most drawn pairs of factors."""
 MOST_BARS = 4
 """Most levels of a factor whose lines have intervals."""
 
@@ -40,9 +40,9 @@ MOST_BARS = 4
 def plot_means(
     analysis: GeneralFactorial, ax: Axes | None = None, theme: ThemeName = "light"
 ) -> Sequence[Axes]:
-    """Marginal mean at each level of each factor; bars are intervals of this mean alone.
+    """Marginal mean at each level of each factor. Each bar is the interval of one mean alone.
 
-    Where means cannot be trusted (`GeneralFactorial.by_medians`), medians instead.
+    Where means cannot be trusted (`GeneralFactorial.by_medians`), medians replace them.
     """
     with use(theme) as look:
         rows = [[_name(analysis, factor, level) for level in levels]
@@ -72,7 +72,7 @@ def plot_pairs(
 ) -> Sequence[Axes]:
     """The largest differences of each factor's levels, with intervals that hold all at once.
 
-    They are of medians where means cannot be trusted.
+    Where means cannot be trusted, they are differences of medians.
     """
     with use(theme) as look:
         tables = [
@@ -112,18 +112,18 @@ def plot_pairs(
 def plot_interactions(
     analysis: GeneralFactorial, ax: Axes | None = None, theme: ThemeName = "light"
 ) -> Sequence[Axes]:
-    """Means at each two factors' levels: lines that are not parallel are an interaction.
+    """Means at the levels of each two factors. Lines that are not parallel show an interaction.
 
-    Rows are the levels of the factor with more of them, lines those of the other one. Of many pairs
-    of factors those with the surest interactions are drawn. Up to 4 lines have intervals.
+    The factor with more levels has a row for each, the other one a line for each. If there are many
+    pairs of factors, those with the surest interactions are drawn. Up to 4 lines have intervals.
 
     Raises
     ------
     ValueError
-        There is one factor only.
+        There is only one factor.
     """
     if len(analysis.factors) < 2:
-        raise ValueError("analysis: must be of two factors or more, got one")
+        raise ValueError("analysis: must have two factors or more, got one")
     with use(theme) as look:
         both = _surest(analysis)
         rows = [[_name(analysis, down, level) for level in analysis.levels[down]]
@@ -179,13 +179,13 @@ def _draw_lines(
 
 
 def _columns(names: Sequence[str]) -> int:
-    """Columns of a legend that is as wide as a panel."""
+    """Number of columns of a legend as wide as a panel."""
     longest = max(len(line) for name in names for line in name.split("\n"))
     return min(len(names), 1 if longest > 9 else 2 if longest > 4 else 3)
 
 
 def _surest(analysis: GeneralFactorial) -> list[tuple[str, str]]:
-    """Pairs of factors, that with more levels first; of many those with the smallest p."""
+    """Pairs of factors, the one with more levels first; of many, those with the smallest p."""
     names = analysis.factors
     p = {frozenset(names[i] for i in term): analysis.anova["p"].iloc[row]
          for row, term in enumerate(analysis.terms) if len(term) == 2}
@@ -198,7 +198,7 @@ def _surest(analysis: GeneralFactorial) -> list[tuple[str, str]]:
 def _stacked(
     rows: Sequence[Sequence[str]], ax: Axes | None, keys: Sequence[Sequence[str]] = ()
 ) -> list[Axes]:
-    """Panels one above the other, as high as their rows need, each with its key if it has one."""
+    """Panels one above the other, as high as their rows, each with its legend if it has one."""
     heights = [0.55 + 0.09 * len(names) + LINE * _height(names) for names in rows]
     if keys:
         below = [0.1 + (0.04 + LINE) * -(-_height(key) // _columns(key)) for key in keys]
@@ -207,7 +207,7 @@ def _stacked(
 
 
 def _height(names: Sequence[str]) -> int:
-    """Lines of text."""
+    """Number of lines of a text."""
     return sum(1 + name.count("\n") for name in names)
 
 
@@ -216,14 +216,14 @@ def _name(analysis: GeneralFactorial, factor: str, level: Any) -> str:
 
 
 def _pair(one: str, other: str, sign: str = "−") -> str:
-    """Two levels, each on lines of its own if they are long."""
+    """Two levels, on separate lines if they are long."""
     if len(one) + len(other) < NAME:
         return f"{one} {sign} {other}"
     return f"{wrapped(one, NAME)}\n{sign} {wrapped(other, NAME)}"
 
 
 def _rows(panel: Axes, names: Sequence[str]) -> Any:
-    """Positions of the rows, from the top; a name of several lines has more room."""
+    """Positions of the rows, from the top; names with several lines have more room."""
     lines = np.array([1 + 0.65 * name.count("\n") for name in names])
     at = np.cumsum(lines) - lines / 2
     panel.set_yticks(at, list(names), fontsize=SMALL, **PLAIN)
@@ -238,7 +238,7 @@ def _title(panel: Axes, text: str) -> None:
 
 
 def _shared(panels: Sequence[Axes], label: str) -> None:
-    """One scale for all panels, with its label below the last one."""
+    """Give all panels one scale, with its label below the last one."""
     low = min(panel.get_xlim()[0] for panel in panels)
     high = max(panel.get_xlim()[1] for panel in panels)
     for panel in panels:

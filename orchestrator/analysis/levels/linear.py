@@ -1,12 +1,12 @@
 """The general linear model of cells: its terms, sums of squares, and means with their errors.
 
-Factors are coded by sum contrasts, so that a term's coefficients add up to zero over each of its
-factors, and a marginal mean is the mean of the model over all combinations of levels, each counted
-once, however many runs it has (Searle, Speed and Milliken, Am. Statistician 34, 1980, 216–221).
+Sum contrasts code the factors, so a term's coefficients add up to zero over each of its factors. A
+marginal mean is the mean of the model over all combinations of levels. Each combination counts
+once, for any number of runs (Searle, Speed and Milliken, Am. Statistician 34, 1980, 216–221).
 
-The sum of squares of a term is what it takes off the residual of a smaller model: *type II*, one
-with all terms that do not contain it, or *type III*, one with all other terms (Fox, Applied
-Regression Analysis and Generalized Linear Models, 3rd edition, section 8.2).
+The sum of squares of a term is the amount by which it reduces the residual of a smaller model. For
+*type II*, this model has all terms that do not contain the term; for *type III*, all other terms
+(Fox, Applied Regression Analysis and Generalized Linear Models, 3rd edition, section 8.2).
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class LinearModel:
     Attributes
     ----------
     terms
-        Without the mean.
+        Terms except the mean.
     left_out
         Terms that the cells cannot estimate. If there are any, the model has main effects alone.
     """
@@ -59,7 +59,7 @@ class LinearModel:
 
     @cached_property
     def fitted(self) -> Floats:
-        """The model's value of each cell, less the centre."""
+        """The model's value of each cell, minus the centre."""
         root = np.sqrt(self.cells.runs)
         q = np.linalg.qr(root[:, None] * self.x)[0]
         value: Floats = (q @ (q.T @ (root * self.cells.mean))) / root
@@ -78,7 +78,7 @@ class LinearModel:
         return float((self.cells.runs * off**2).sum()) if spare else 0.0, spare
 
     def basis(self, term: int, typ: int) -> Floats:
-        """Orthonormal contrasts of the cells' means that are a term's; shape (cells, df).
+        """Orthonormal contrasts of a term, for the cells' means; shape (cells, df).
 
         The sum of squares of the term is that of these contrasts of √runs × mean.
         """
@@ -96,9 +96,10 @@ class LinearModel:
     def marginal(self, term: Term) -> Floats:
         """Weights of the cells' means in the means at a term's levels; shape (levels, cells).
 
-        Rows are in the order of the levels, those of the last factor change fastest. Of two factors
-        whose interaction is not in the model, each combination that has runs gets a mean of its own
-        besides the main effects of the others; NaN for combinations that cannot be estimated.
+        Rows are in the order of the levels; the levels of the last factor change fastest. If the
+        interaction of two factors is not in the model, each of their combinations with runs gets a
+        mean of its own, besides the main effects of the other factors. Combinations that cannot be
+        estimated are NaN.
         """
         sizes = tuple(self.cells.sizes[i] for i in term)
         grid = np.indices(sizes).reshape(len(term), -1).T
@@ -126,12 +127,12 @@ class LinearModel:
 
 
 def fitted_model(cells: Cells, order: int) -> LinearModel:
-    """The model with interactions of up to `order` factors, or main effects alone if need be.
+    """The model with interactions of up to `order` factors; main effects alone if necessary.
 
     Raises
     ------
     ConfigurationError
-        Main effects cannot be told apart either, or nothing is left to estimate an error from.
+        Even main effects cannot be told apart, or no run is left to estimate an error from.
     """
     count = len(cells.sizes)
     if not 1 <= order <= max(2, count):
@@ -148,15 +149,15 @@ def fitted_model(cells: Cells, order: int) -> LinearModel:
         if alone:
             names = [term_name(term, cells.factors) for term in alone]
             raise ConfigurationError(
-                f"factors: must be told apart by the {len(cells.runs)} combinations of levels that "
-                f"have runs, got {first_of(names, MAX_LISTED)} mixed up with other factors"
+                f"factors: must be told apart by the {len(cells.runs)} combinations of levels with "
+                f"runs, got {first_of(names, MAX_LISTED)} confounded with other factors"
             )
     _check_error(model)
     return model
 
 
 def columns_of(terms: Sequence[Term], index: Indices, sizes: Sequence[int]) -> Floats:
-    """Columns of some terms by sum contrasts; the mean is the empty term."""
+    """Columns of some terms, coded by sum contrasts; the mean is the empty term."""
     blocks = []
     for term in terms:
         block = np.ones((len(index), 1))
@@ -174,7 +175,7 @@ def width(term: Term, sizes: Sequence[int]) -> int:
 
 
 def inestimable(model: LinearModel) -> tuple[Term, ...]:
-    """Terms that cannot be told, in part, from the other terms."""
+    """Terms that cannot be told apart, in part, from the other terms."""
     x, owner = model.x, model.owner
     if _rank(x) == x.shape[1]:
         return ()
@@ -196,17 +197,17 @@ def _check_size(model: LinearModel) -> None:
     if columns * len(model.cells.runs) > MOST_NUMBERS:
         raise ConfigurationError(
             f"order: must make a design matrix of at most {MOST_NUMBERS:,} numbers, got {columns:,}"
-            f" columns for {len(model.cells.runs):,} combinations of levels; take a lower order"
+            f" columns for {len(model.cells.runs):,} combinations of levels; use a lower order"
         )
 
 
 def _check_error(model: LinearModel) -> None:
-    """Refuse runs that leave nothing to estimate an error from."""
+    """Refuse runs from which no error can be estimated."""
     cells, columns = model.cells, model.x.shape[1]
     runs = int(cells.runs.sum())
     if runs <= columns:
         lower = 1 + sum(width(term, cells.sizes) for term in terms_up_to(1, len(cells.sizes)))
-        hint = "; order 1 leaves some (--order 1)" if lower < runs else ""
+        hint = "; order 1 needs fewer (--order 1)" if lower < runs else ""
         raise ConfigurationError(
             f"runs: must be more than the {columns} coefficients of the model, to estimate an "
             f"error from, got {runs}{hint}"

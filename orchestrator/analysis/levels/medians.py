@@ -1,10 +1,9 @@
-"""Medians of the levels of factors, with intervals that suppose nothing of the runs' distribution.
+"""Medians of the levels of factors, with intervals for any distribution of the runs.
 
-The interval is of order statistics (`place_of_bound`). Runs of several cells scatter less than
-that supposes (Hoeffding, Annals of Mathematical Statistics 27, 1956, 713–721), which errs on the
-safe side.
-With common random numbers replicates are independent, not runs: n is their number, and the bounds
-are at the same shares of all runs.
+The intervals come from order statistics (`place_of_bound`). Runs of several cells scatter less than
+these assume (Hoeffding, Annals of Mathematical Statistics 27, 1956, 713–721), which is on the safe
+side. With common random numbers, replicates are independent and runs are not. Then n is the number
+of replicates, and the bounds are at the same shares of all runs.
 """
 
 from __future__ import annotations
@@ -28,14 +27,14 @@ def median_table(
     """Median of all runs at each level: ``factor``, ``level``, ``median``, ``low``, ``high``, and
     the bounds that hold for all levels of the factor at once: ``all_low``, ``all_high``.
 
-    Bounds are NaN where the runs are too few for any.
+    Bounds are NaN where there are too few runs.
 
     Parameters
     ----------
     data
         Runs with the number of each factor's level, and the response.
     levels
-        All of them, by factor, in the order of their numbers.
+        All levels of each factor, in the order of their numbers.
     """
     common = options.seeding == "common"
     rows = []
@@ -55,18 +54,18 @@ def median_pairs(
 ) -> pd.DataFrame:
     """Differences of the medians of pairs of levels, with intervals that hold all at once.
 
-    Independent runs: where the bounds of all levels of a factor hold, so do those of all
-    differences, from the lower one of the one level less the upper one of the other. With common
-    random numbers it is the median of the runs' differences, each of two runs of a replicate that
-    have the levels of all other factors in common, by order statistics.
+    Independent runs: if the bounds of all levels of a factor hold, so do those of all differences:
+    the lower bound of one level minus the upper bound of the other, and vice versa. Common random
+    numbers: order statistics give the median of the differences between two runs of a replicate
+    that share the levels of all other factors.
 
     Parameters
     ----------
     pairs
         ``factor``, ``one``, ``other``.
     each
-        With common random numbers the runs by factor; shape (replicates, levels) or (replicates,
-        levels, combinations of the others' levels), NaN where there is none.
+        With common random numbers, the runs by factor; shape (replicates, levels) or (replicates,
+        levels, combinations of the others' levels), NaN where there is no run.
     """
     rows: list[tuple[float, float, float]] = []
     for factor, own in medians.groupby("factor", sort=False):

@@ -1,4 +1,4 @@
-"""What an analysis of factors with many levels says, in words and tables for people to read."""
+"""Sentences and printed tables of an analysis of factors with many levels."""
 
 from __future__ import annotations
 
@@ -22,18 +22,17 @@ from .analysis import GeneralFactorial
 MOST_NAMED = 3
 """Most levels or factors that a sentence names."""
 UNEQUAL = 2.0
-"""Ratio of standard deviations from which on it is said that they are not equal."""
+"""Ratio of standard deviations above which they are reported."""
 
 
 _WITHIN = (
-    " Each compares the two runs of a replicate that have the levels of all other factors in "
-    "common, and is the median of these differences. It is not the difference of the levels' "
-    "medians."
+    " Each is the median of the differences between the two runs of a replicate that share the "
+    "levels of all other factors. It is not the difference of the levels' medians."
 )
 
 
 def level_text(level: Level, unit: str = "") -> str:
-    """A level with its unit; true and false are words."""
+    """A level with its unit; truth values are words."""
     if isinstance(level, bool | str):
         return str(level).lower() if isinstance(level, bool) else level
     return quantity(level, unit)
@@ -42,9 +41,9 @@ def level_text(level: Level, unit: str = "") -> str:
 def summary(
     analysis: GeneralFactorial, most: int, verbose: bool, width: int | None, column: str
 ) -> str:
-    """The answer, the analysis of variance, the means of the levels, and in detail the rest.
+    """The answer, the analysis of variance, and the means of the levels; `verbose` adds the rest.
 
-    `column` is that of the response.
+    `column` is the response's column.
     """
     a = analysis
     lost = [LOST] if a.means["lost"].notna().any() else []
@@ -62,7 +61,7 @@ def summary(
                range(2, 7)),
         "",
         f"Medians of {a.response}{f' [{a.measured_in}]' if a.measured_in else ''}, {level} "
-        "intervals by order statistics, of each level alone:",
+        "intervals of each level alone by order statistics:",
         *table(_median_rows(a), width, ("factor", "level", "median", "low", "high"), range(2, 5)),
         *(["", *said] if said else []),
         *(["", *_differences(a, most, width), "", *notes(a)] if verbose else
@@ -72,16 +71,16 @@ def summary(
 
 
 def answer(analysis: GeneralFactorial) -> str:
-    """Which factor matters, and between which levels, in a few sentences.
+    """The factors that matter, and between which levels, in a few sentences.
 
-    A factor is named from its worst to its best level: less of the response is taken to be better.
+    Each factor is named from its worst to its best level. A smaller response counts as better.
     """
     return " ".join([*([_typical(analysis)] if analysis.by_medians else []), _by_means(analysis),
                      *([] if analysis.practical is None else [_practical(analysis)])])
 
 
 def _typical(analysis: GeneralFactorial) -> str:
-    """What medians say, where means cannot be trusted."""
+    """The answer by medians, where means cannot be trusted."""
     a = analysis
     unit = f" {a.measured_in}" if a.measured_in else ""
     parts, same, apart = [], [], list[str]()
@@ -114,7 +113,7 @@ def _typical(analysis: GeneralFactorial) -> str:
     if same:
         levels = listed(same, "or", most=MOST_NAMED)
         lines.append(f"No two levels of {levels} surely differ in the median.")
-    return " ".join(["The means rest on few runs, so the medians first.", *lines])
+    return " ".join(["The means depend on few runs, so the medians come first.", *lines])
 
 
 def _interval_of_less(pair: Any) -> str:
@@ -122,7 +121,7 @@ def _interval_of_less(pair: Any) -> str:
 
 
 def _practical(analysis: GeneralFactorial) -> str:
-    """Which pairs of levels are equal, differ, or are open, by what matters."""
+    """The number of pairs of levels that are equal, differ, or are undecided."""
     a = analysis
     limit = (f"a factor of {a.practical or 0:g}" if a.transform == "log" else
              f"±{a.practical or 0:g} {a.unit}".rstrip())
@@ -135,7 +134,7 @@ def _practical(analysis: GeneralFactorial) -> str:
 
 
 def _by_means(analysis: GeneralFactorial) -> str:
-    """What the differences of means say."""
+    """The answer by differences of means."""
     a = analysis
     how = "geometric mean of the " if a.transform == "log" else "mean " if a.by_medians else ""
     what = f"the {how}{a.response}"
@@ -168,48 +167,48 @@ def _by_means(analysis: GeneralFactorial) -> str:
         sentences.append(f"The largest interaction is {sure.index[0]} ({column_percent(share)} of "
                          "the sum of squares).")
     if a.left_out:
-        sentences.append("Main effects only: the combinations of levels that have runs cannot "
-                         f"estimate {listed(list(a.left_out), most=MAX_LISTED)}.")
+        sentences.append("Main effects only: the combinations of levels with runs cannot estimate "
+                         f"{listed(list(a.left_out), most=MAX_LISTED)}.")
     elif len(a.factors) > 1 and max(map(len, a.terms)) == 1:
         sentences.append("Interactions are not in the model.")
     return " ".join(sentences)
 
 
 def warnings(analysis: GeneralFactorial) -> list[str]:
-    """What stands against the means and their intervals: heavy tails, or too few runs."""
+    """Doubts about the means and their intervals: heavy tails, or too few runs."""
     a = analysis
     lines = []
     if a.ran_away:
         unit = f" {a.measured_in}" if a.measured_in else ""
         times = rounded(a.largest / a.median)
         which = f"Run {a.worst_run}" if a.worst_run else "One run"
-        again = (f" It is done again by: sblcosim replay RESULTS {a.worst_run}"
+        again = (f" To repeat it: sblcosim replay RESULTS {a.worst_run}"
                  if a.worst_run else "")
-        lines.append(f"{which} has {rounded(a.largest)}{unit}, {times} times the median: means "
-                     "and their intervals rest on such runs. Transform log compares typical ones."
+        lines.append(f"{which} has {rounded(a.largest)}{unit}, {times} times the median. Means "
+                     "and their intervals depend on such runs. Transform log compares typical ones."
                      + again)
     if a.transform == "none" and a.means["low"].isna().any():
-        lines.append("Where a mean has no interval (–), it is not known: its interval would reach "
-                     "below zero, and no run does. The medians have theirs.")
+        lines.append("A mean without an interval (–) is unknown: its interval would reach below "
+                     "zero, although no run does. The medians have intervals.")
     if a.heavy:
         text = (f"Heavy tails: {column_percent(a.far)} of the runs lie more than 5 robust standard "
-                "deviations from the median of their combination of levels, so that means rest on "
-                "few runs and their intervals may be too short.")
+                "deviations from the median of their combination of levels. Means therefore "
+                "depend on few runs, and their intervals may be too short.")
         if a.far_log < a.far / 2:
             far = column_percent(a.far_log)
-            text += (f" Of the logarithms it is {far}: transform log compares "
+            text += (f" For the logarithms it is {far}: transform log compares "
                      "typical runs.")
         if a.worst_run and not a.ran_away:
-            text += f" The largest is of run {a.worst_run}: sblcosim replay RESULTS {a.worst_run}."
+            text += f" Run {a.worst_run} is the largest: sblcosim replay RESULTS {a.worst_run}."
         lines.append(text)
     if not np.isnan(a.skewness) and a.fewest < runs_for_t(a.skewness):
         lines.append(f"Skewed runs (skewness {minus(f'{a.skewness:.2g}')}): intervals of means "
-                     f"hold from about {runs_for_t(a.skewness)} runs at each level on (Cochran's "
-                     f"rule), there are {a.fewest} at the one with the fewest.")
+                     f"need about {runs_for_t(a.skewness)} runs at each level (Cochran's rule). "
+                     f"The level with the fewest has {a.fewest}.")
     if a.fewest < a.runs_needed:
-        lines.append("If 1 run in 20 is a bad one, some level may have shown none, and intervals "
-                     f"say nothing about them: that takes {a.runs_needed} runs at each level, "
-                     f"there are {a.fewest} at the one with the fewest.")
+        lines.append("If 1 run in 20 is bad, some level may have shown none, and intervals say "
+                     f"nothing about bad runs. To show one, each level needs {a.runs_needed} "
+                     f"runs. The level with the fewest has {a.fewest}.")
     return lines
 
 
@@ -218,31 +217,32 @@ def notes(analysis: GeneralFactorial) -> list[str]:
     a = analysis
     several = [len(levels) * (len(levels) - 1) // 2 for levels in a.levels.values()]
     lines = [f"{a.runs} runs of {a.combinations} combinations of levels; "
-             f"R² {percent(a.r2, '.2f')}; root of the residual mean square {a.rmse:.4g}."]
+             f"R² {percent(a.r2, '.2f')}; residual standard deviation {a.rmse:.4g}."]
     lines += left_out(a.dropped, a.seeding == "common")
     if a.empty:
         lines.append(f"Levels without a run that counts: {first_of(list(a.empty), MOST_NAMED)}.")
     lines.append(
         "A mean counts each combination of the other factors' levels once, and its interval holds "
-        f"for it alone. Intervals of differences hold for all pairs of a factor at once (up to "
-        f"{max(several)}), by Bonferroni's inequality."
-        + (" They are of medians, by order statistics." if a.by_medians else "")
+        f"for this mean alone. Intervals of differences hold for all pairs of a factor at once (up "
+        f"to {max(several)}), by Bonferroni's inequality."
+        + (" They are intervals of medians, by order statistics." if a.by_medians else "")
         + (_WITHIN if a.within_replicates else "")
     )
     if np.isnan(a.far):
-        lines.append("Heavy tails cannot be told: no combination of levels has 10 runs.")
+        lines.append("Heavy tails cannot be detected, because no combination of levels has 10 "
+                     "runs.")
     if a.seeding == "common":
-        lines.append("The runs of a replicate share their noise: differences are paired in each "
-                     "replicate, and each F has its own error, with Greenhouse and Geisser's "
-                     "degrees of freedom.")
+        lines.append("The runs of a replicate share their noise. Differences are therefore paired "
+                     "in each replicate, and each F has its own error, with Greenhouse and "
+                     "Geisser's degrees of freedom.")
     else:
         least, largest = a.spread
-        text = "F supposes equal variances; intervals do not (Welch)."
+        text = "F assumes equal variances; intervals do not (Welch)."
         if np.isnan(least):
-            text = ("No combination of levels has two runs: F and intervals suppose equal "
+            text = ("No combination of levels has two runs, so F and intervals assume equal "
                     "variances, and the error is the scatter about the model.")
         elif largest > UNEQUAL * least:
-            text += (f" The standard deviations of the combinations go from {least:.3g} to "
+            text += (f" The standard deviations of the combinations range from {least:.3g} to "
                      f"{largest:.3g}.")
         lines.append(text)
     return lines
@@ -259,7 +259,7 @@ def _largest(analysis: GeneralFactorial) -> dict[str, Any]:
 
 
 def _told_apart(pairs: pd.DataFrame) -> pd.Series[bool]:
-    """Which pairs differ in their means."""
+    """Whether each pair differs in its means."""
     return (pairs["low"] > 0) | (pairs["high"] < 0)
 
 
@@ -271,14 +271,16 @@ def _ends(analysis: GeneralFactorial, name: str, row: Any) -> str:
 
 
 def _as_good(analysis: GeneralFactorial, name: str, row: Any) -> str:
-    """The levels that cannot be told from the better one."""
+    """The levels that cannot be told apart from the better one."""
     best = row.other if row.difference > 0 else row.one
     pairs = analysis.pairs
     own = pairs[(pairs["factor"] == name) & ~_told_apart(pairs)]
     unit = analysis.units.get(name, "")
     tied = [level_text(b if a == best else a, unit)
             for a, b in zip(own["one"], own["other"], strict=True) if best in (a, b)]
-    return f", where {listed(tied, most=MOST_NAMED)} cannot be told from it" if tied else ""
+    if not tied:
+        return ""
+    return f", where {listed(tied, most=MOST_NAMED)} cannot be told apart from the better level"
 
 
 def _size(analysis: GeneralFactorial, row: Any) -> tuple[str, str]:
@@ -335,7 +337,7 @@ def _median_rows(analysis: GeneralFactorial) -> list[tuple[str, ...]]:
 
 
 def _shown(value: float) -> str:
-    """A number of a table; a dash for one that is not known."""
+    """A number in a table; a dash if it is unknown."""
     return "–" if np.isnan(value) else minus(f"{value:.4g}")
 
 
@@ -370,7 +372,7 @@ def _difference_row(analysis: GeneralFactorial, name: str, row: Any) -> tuple[st
 
 
 def verdict_text(verdict: str, analysis: GeneralFactorial) -> str:
-    """What is said of a pair of levels, in words."""
+    """The verdict on a pair of levels, in words."""
     limit = f"{analysis.practical or 0:g}"
     within = f"a factor of {limit}" if analysis.transform == "log" else (
         f"±{limit} {analysis.unit}".rstrip())

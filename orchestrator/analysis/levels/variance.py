@@ -1,21 +1,21 @@
 """Analysis of variance of a linear model, and intervals of means and of their differences.
 
-Independent runs: F tests suppose equal variances. Intervals do not: the variance of a weighted mean
-of cells, Σ cₖ² sₖ²/nₖ, is of the cells' own scatter, with Satterthwaite's degrees of freedom
-(Welch, Biometrika 34, 1947, 28–35). A cell of a single run takes the scatter of the others, or that
-about the model if there is none.
+Independent runs: F tests assume equal variances. Intervals do not: the variance of a weighted mean
+of cells, Σ cₖ² sₖ²/nₖ, comes from the cells' own scatter, with Satterthwaite's degrees of freedom
+(Welch, Biometrika 34, 1947, 28–35). A cell with a single run has the scatter of the others, or the
+scatter about the model if there is none.
 
-Common random numbers: the runs of a replicate share their noise. Means are taken in each replicate,
-and their scatter over the replicates is the error, of differences that of *paired* differences. A
-term's F has its own error, the scatter of its contrasts, and Greenhouse and Geisser's degrees of
-freedom (Psychometrika 24, 1959, 95–112).
+Common random numbers: the runs of a replicate share their noise. Means are computed in each
+replicate, and their scatter over the replicates is the error. For differences it is the scatter of
+*paired* differences. A term's F has its own error, the scatter of its contrasts, and Greenhouse and
+Geisser's degrees of freedom (Psychometrika 24, 1959, 95–112).
 
 The intervals of the differences between the levels of a factor hold all at once, by Bonferroni's
-inequality: each of m pairs is at 1 − α/m. Other than Tukey's and Games and Howell's intervals this
-supposes neither equal variances, nor equal numbers of runs, nor independent means; for four levels
-it costs 3 % in width. As any by t, they are too short for runs that are both skewed and unequally
-spread: log-normal runs with σ = 1 and spreads of 1 : 2 : 4 : 8, 20 a level, are held in 86 % of the
-experiments instead of 95 %. What is said of such runs is in `sentences.warnings`.
+inequality: each of m pairs is at 1 − α/m. Unlike Tukey's and Games and Howell's intervals, this
+assumes neither equal variances, nor equal numbers of runs, nor independent means. For four levels
+it costs 3 % in width. Like all t intervals, they are too short for runs that are both skewed and
+unequally spread: for log-normal runs with σ = 1 and spreads of 1 : 2 : 4 : 8, with 20 runs at each
+level, they hold in 86 % of the experiments instead of 95 %. `sentences.warnings` reports such runs.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ ANOVA_COLUMNS = ["df", "sum_sq", "mean_sq", "F", "p"]
 def anova_table(model: LinearModel, typ: int) -> pd.DataFrame:
     """One row per term, then replicates, residual with its parts, and total.
 
-    With common random numbers each term has a column ``epsilon``, Greenhouse and Geisser's factor
+    With common random numbers, each term has a column ``epsilon``, Greenhouse and Geisser's factor
     of its degrees of freedom, and its mean square error, ``mean_sq_error``.
     """
     cells = model.cells
@@ -82,7 +82,7 @@ def _f(mean_sq: float, df: float, error: float, df_error: float) -> tuple[float,
 
 
 def _within_replicates(cells: Cells, basis: Floats, ss: float) -> tuple[float, ...]:
-    """A term's row by the scatter of its contrasts over the replicates."""
+    """A term's row, from the scatter of its contrasts over the replicates."""
     assert cells.values is not None
     count, df = len(cells.values), basis.shape[1]
     contrasts = cells.values @ basis
@@ -94,7 +94,7 @@ def _within_replicates(cells: Cells, basis: Floats, ss: float) -> tuple[float, .
 
 
 class WeightedMeans:
-    """Estimates from weighted means of the cells, their standard errors and degrees of freedom."""
+    """Estimates that are weighted means of cells, with standard errors and degrees of freedom."""
 
     def __init__(self, model: LinearModel) -> None:
         cells = model.cells
@@ -109,7 +109,7 @@ class WeightedMeans:
         self.single = pure / pure_df if pure_df else lack / lack_df
 
     def of(self, weights: Floats) -> tuple[Floats, Floats, Floats]:
-        """Estimates, less the centre, standard errors and degrees of freedom of rows of weights."""
+        """Estimate minus the centre, standard error and degrees of freedom for rows of weights."""
         if self.cells.values is not None:
             each = self.cells.values @ weights.T
             count = len(each)
@@ -127,7 +127,7 @@ class WeightedMeans:
 
 
 def means_table(model: LinearModel, errors: WeightedMeans, confidence: float) -> pd.DataFrame:
-    """Marginal mean of each level: ``factor``, ``level``, then as `interval_columns` says."""
+    """Marginal mean of each level: the columns of `GeneralFactorial.means`."""
     cells = model.cells
     parts = []
     for i, (name, levels) in enumerate(cells.levels.items()):
@@ -138,7 +138,7 @@ def means_table(model: LinearModel, errors: WeightedMeans, confidence: float) ->
 
 
 def cell_table(model: LinearModel, errors: WeightedMeans, confidence: float) -> pd.DataFrame:
-    """Mean of each two factors' levels: ``first``, ``second`` (factors), ``first_level`` …"""
+    """Mean at the levels of each two factors: the columns of `GeneralFactorial.cells`."""
     cells = model.cells
     names = cells.factors
     parts = []
@@ -184,7 +184,7 @@ def _columns(
 def pair_table(
     model: LinearModel, errors: WeightedMeans, confidence: float, ratio: bool
 ) -> pd.DataFrame:
-    """Difference of each two levels of each factor, with intervals that hold all at once."""
+    """Difference of each two levels of each factor: the columns of `GeneralFactorial.pairs`."""
     parts = []
     for i, (name, levels) in enumerate(model.cells.levels.items()):
         weights = model.marginal((i,))

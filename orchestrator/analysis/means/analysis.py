@@ -1,4 +1,4 @@
-"""One factor at a time: the mean response at each level, such as error against baseline."""
+"""One factor at a time: the mean response at each level, such as the error against the baseline."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ def means(
     base: Sequence[Number] = (),
     confidence: float = 0.95,
 ) -> pd.DataFrame:
-    """Mean of the runs at each level of each factor, the others at the base.
+    """Mean of the runs at each level of each factor, with all others at the base.
 
     Parameters
     ----------
     table
         One row per run: factors and response. Runs without a finite response are left out.
     base
-        Levels of the factors while another one is swept; not needed for a single factor.
+        Levels of the factors while another factor is swept; not needed for a single factor.
 
     Returns
     -------
     DataFrame
         ``factor``, ``value``, ``runs``, ``mean``, ``std``, and ``low`` and ``high``, the confidence
-        interval of the mean (Student's; NaN for a single run). One row for each level; without
-        factors one for all runs, with factor ``""``.
+        interval of the mean (Student's; NaN for a single run). One row for each level. Without
+        factors, one row for all runs, with factor ``""``.
     """
     finite = table[np.isfinite(table[response])]
     rows: list[tuple[object, ...]] = []
@@ -73,7 +73,7 @@ def plot_means(
     ax: Sequence[Axes] | None = None,
     theme: ThemeName = "light",
 ) -> Sequence[Axes]:
-    """Plot the table of `means`, a panel for each factor; bars are the confidence intervals."""
+    """Plot the table of `means`, with a panel for each factor; bars are confidence intervals."""
     with use(theme, ax) as look:
         factors = list(dict.fromkeys(table["factor"]))
         if ax is None:

@@ -1,17 +1,17 @@
-"""Sobol' indices: which share of a response's variance each factor of a space explains.
+"""Sobol' indices: the share of a response's variance that each factor of a space explains.
 
-The first-order index of a factor is the share of the variance that its value alone explains; the
-total index is the share that would be left if all others were known, its interactions with them
-included. The seed is a factor like the others (`sblcosim.study.space`): its indices are the share
-of chance.
+The first-order index of a factor is the share of the variance that its value alone explains. The
+total index is the share that would remain if all other factors were known; it includes interactions
+with them. The seed is a factor like the others (`sblcosim.study.space`), so its indices are the
+share of chance.
 
-Estimates and intervals are those of `jackknife`, or of `two_values` for a response with two values.
-In simulations of 95 % intervals (`tests/unit/orchestrator/test_coverage.py`), each holds its index
-in at least 88 % of the samples with 16 base rows, and in 92 % with 64 or more. A step or corner in
-so small a part of the space that no run is there is in no interval.
+Estimates and intervals come from `jackknife`, or from `two_values` for a response with two values.
+In simulations of 95 % intervals (`tests/unit/orchestrator/test_coverage.py`), each interval holds
+its index in at least 88 % of the samples with 16 base rows, and in 92 % with 64 or more. No
+interval accounts for a step or corner in a part of the space that is too small to contain a run.
 
-Errors of position have long tails, and a few runs would make all of the variance: the indices are
-those of the logarithm, beside those of whether a run is lost.
+Errors of position have long tails, so a few runs would dominate the variance. The indices are
+therefore those of the logarithm. Those of whether a run is lost are added.
 """
 
 from __future__ import annotations
@@ -50,18 +50,18 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Scale = Literal["none", "log"]
 WIDEST = 0.2
-"""Width of an interval from which on more base rows are advised."""
+"""Width of an interval above which more base rows are advised."""
 LEAST_EVENTS = 20
-"""Independent runs off the commonest value that indices can be made of."""
+"""Fewest independent runs without the commonest value for useful indices."""
 TAIL, HEAVY = 0.01, 0.5
 """Tails are heavy if this share of the runs, the farthest, has this share of the variance."""
 CHANCE = "chance (the seed)"
 MOST_LEFT_OUT = 0.2
 """Share of base rows without a response above which there are no indices.
 
-Factors depend on each other in the rows that are left, unless those without a response fill a box.
-For y = a, whose indices are 1, the estimates come out too low: by at most 0.03 where 15 % of the
-rows are left out, 0.05 at 20 %, 0.13 at 35 % and 0.22 at 50 %, over ten shapes of what is left out.
+Factors depend on each other in the remaining rows, unless the rows without a response fill a box.
+For y = a, whose indices are 1, the estimates are then too low: by at most 0.03 if 15 % of the rows
+are left out, 0.05 at 20 %, 0.13 at 35 % and 0.22 at 50 %, over ten shapes of the part left out.
 """
 
 
@@ -72,28 +72,28 @@ class Sensitivity(Answer):
     Attributes
     ----------
     response, transform
-        The analysed quantity; with ``log`` its natural logarithm.
+        The analysed quantity; with ``log``, its natural logarithm.
     sample
-        The runs that were analysed.
+        The analysed runs.
     values
-        The response of each run, not transformed; shape (rows,).
+        The response of each run before any transform; shape (rows,).
     done
-        Whether all runs of a base row were made; shape (base rows,).
+        Whether all runs of a base row are done; shape (base rows,).
     used
-        Whether a base row counts; shape (base rows,). Those with a run without a finite response do
-        not.
+        Whether a base row counts; shape (base rows,). A row with a run without a finite response
+        does not.
     indices
-        One row per factor, the last for the seed: ``first``, ``first_low``, ``first_high``,
-        ``total``, ``total_low``, ``total_high``: the indices and their confidence intervals, all of
-        them from 0 to 1.
+        One row per factor, the last for the seed: the indices ``first`` and ``total`` and their
+        confidence intervals ``first_low``, ``first_high``, ``total_low``, ``total_high``, all from
+        0 to 1.
     tail
-        Share of the variance that the farthest 1 % of the runs make.
+        Share of the variance that the farthest 1 % of the runs contribute.
     confidence
-        Of the intervals.
+        Confidence of the intervals.
     lost
-        Share of lost runs, where it is known.
+        Share of lost runs, if it is known.
     label
-        The response's name for people, if it has one.
+        Label of the response, for people, if it has one.
     """
 
     columns = MappingProxyType({"indices": INDICES})
@@ -117,34 +117,34 @@ class Sensitivity(Answer):
 
     @property
     def runs(self) -> int:
-        """Runs that were analysed."""
+        """Number of analysed runs."""
         return int(self.used.sum()) * self.sample.runs_per_row
 
     @property
     def left_out(self) -> int:
-        """Base rows without a response in all of their runs."""
+        """Number of base rows that lack a response in some of their runs."""
         return int((self.done & ~self.used).sum())
 
     @property
     def share_left_out(self) -> float:
-        """Share of the base rows that are left out, of those that are done."""
+        """Share of the finished base rows that are left out."""
         return self.left_out / int(self.done.sum())
 
     @property
     def dropped(self) -> int:
-        """Runs without a finite response."""
+        """Number of runs without a finite response."""
         rows = self.values.reshape(self.sample.base_rows, -1)[self.done]
         return int((~np.isfinite(rows)).sum())
 
     @property
     def few(self) -> int | None:
-        """Independent runs that differ from the others, if indices of so few say little."""
+        """Number of independent runs that differ from the others, if it is too small."""
         number = events(self.independent)
         return number if number < LEAST_EVENTS else None
 
     @property
     def independent_runs(self) -> NDArray[np.int64]:
-        """The runs at A and at B, from 0; shape (2, base rows used)."""
+        """Indices of the runs at A and at B, from 0; shape (2, base rows used)."""
         at_a = np.flatnonzero(self.used) * self.sample.runs_per_row
         return np.array([at_a, at_a + self.sample.runs_per_row - 1])
 
@@ -155,12 +155,12 @@ class Sensitivity(Answer):
 
     @property
     def is_flag(self) -> bool:
-        """Whether the response is 0 or 1, as ``lost``."""
+        """Whether the response is 0 or 1, such as ``lost``."""
         return self.transform == "none" and bool(np.isin(self.independent, (0.0, 1.0)).all())
 
     @property
     def heavy(self) -> bool:
-        """Whether few runs make most of the variance."""
+        """Whether few runs contribute most of the variance."""
         return self.transform == "none" and not self.is_flag and self.tail > HEAVY
 
     @property
@@ -172,7 +172,7 @@ class Sensitivity(Answer):
 
     @property
     def base_rows_needed(self) -> int:
-        """Base rows for intervals that are no wider than `WIDEST`, as widths fall with 1/√n."""
+        """Number of base rows for intervals no wider than `WIDEST`, as widths fall with 1/√n."""
         n = self.sample.base_rows
         if self.widest <= WIDEST:
             return n
@@ -189,12 +189,12 @@ class Sensitivity(Answer):
 
     @property
     def title(self) -> str:
-        """Of a page."""
+        """Title of a page."""
         return f"Sobol' indices of {self.quantity}"
 
     @property
     def answer(self) -> str:
-        """Which factor explains most, in a few sentences."""
+        """The factors that explain most, in a few sentences."""
         return str(sentences.answer(self))
 
     @property
@@ -213,7 +213,7 @@ class Sensitivity(Answer):
 
     @property
     def remarks(self) -> list[str]:
-        """What must be known to read the numbers, a line each."""
+        """Remarks that are needed to read the numbers, one line each."""
         found: list[str] = sentences.notes(self)
         return found
 
@@ -228,7 +228,7 @@ class Sensitivity(Answer):
         return plain
 
     def manifest(self) -> dict[str, Any]:
-        """What was analysed."""
+        """The question."""
         return {
             "analysis": {
                 "response": self.response, "factors": list(self.indices.index),
@@ -237,7 +237,7 @@ class Sensitivity(Answer):
         }  # fmt: skip
 
     def text(self, *, verbose: bool = False, width: int | None = None) -> str:
-        """The indices in words: the answer, the table, and the notes.
+        """The answer, the table of indices, and the notes.
 
         Parameters
         ----------
@@ -290,18 +290,18 @@ def indices(
     Parameters
     ----------
     values
-        The response of each run of the sample; shape (rows,). Base rows with a value that is not
-        finite are left out as a whole.
+        The response of each run of the sample; shape (rows,). A base row with a value that is not
+        finite is left out.
     response
-        Its name, for messages and texts.
+        Name of the response, for messages and texts.
     transform
         ``log`` analyses the natural logarithm.
 
     Raises
     ------
     ConfigurationError
-        The values are not those of the sample, too few base rows are left, too many are left out,
-        the response does not vary, or it is not positive for its logarithm.
+        The values do not belong to the sample, too few base rows remain, too many are left out, the
+        response does not vary, or it is not positive and has no logarithm.
     """
     values = np.asarray(values, np.float64)
     if values.shape != (len(sample),):
@@ -316,7 +316,7 @@ def indices(
 def _indices(
     sample: Sample, values: Floats, done: Flags, response: str, transform: Scale, confidence: float
 ) -> Sensitivity:
-    """As `indices`; only base rows that are done can lack a response."""
+    """Like `indices`; only base rows that are done can lack a response."""
     check_choice("transform", transform, get_args(Scale))
     if not 0 < confidence < 1:
         raise ConfigurationError(f"confidence: must be between 0 and 1, got {confidence}")
@@ -343,7 +343,7 @@ def _checked(y: Floats, done: int, response: str, transform: Scale) -> Floats:
             f"{response}: must be finite in all {runs} runs of at least "
             f"{percent(1 - MOST_LEFT_OUT, '.0f')} of the base rows, got "
             f"{rough_percent(rows / done)}: {done - rows} of {done} are left out, and the others "
-            "do not stand for the space; analyse a response that every run has, or narrow the "
+            "do not represent the space; analyse a response that every run has, or narrow the "
             "ranges"
         )
     if transform == "log":
@@ -354,13 +354,13 @@ def _checked(y: Floats, done: int, response: str, transform: Scale) -> Floats:
         y = np.log(y)
     if (y[:, [0, -1]] == y[0, 0]).all():
         raise ConfigurationError(
-            f"{response}: must vary over the runs, got {y[0, 0]:g} in all that are independent"
+            f"{response}: must vary over the runs, got {y[0, 0]:g} in all independent runs"
         )
     return y
 
 
 def _table(sample: Sample, y: Floats, confidence: float) -> pd.DataFrame:
-    """The indices of all columns with their intervals, none of them below 0 or above 1."""
+    """The indices of all columns with their intervals, from 0 to 1."""
     first, total = jackknife.indices(y, confidence)
     if np.isin(y, (y.min(), y.max())).all():
         pairs = two_values.intervals((y == y.max()) * 1.0, confidence)
@@ -390,10 +390,10 @@ def of_table(
     Parameters
     ----------
     table
-        One row per run: ``point`` (from 1, the run of the sample), ``seed`` and the responses. Runs
-        may be missing, in any order.
+        One row per run, in any order: ``point`` (number of the run in the sample, from 1), ``seed``
+        and the responses. Runs may be missing.
     response
-        Column, ``RECEIVER.RESPONSE``.
+        Column ``RECEIVER.RESPONSE``.
 
     Returns
     -------
@@ -404,7 +404,8 @@ def of_table(
     Raises
     ------
     ConfigurationError
-        As of `indices`; or there is no such column, or the runs are not those of the sample.
+        For the reasons of `indices`, or because there is no such column or the runs do not belong
+        to the sample.
     """
     at = _places(sample, table)
     if response not in table:
@@ -438,7 +439,7 @@ def of_table(
 
 
 def _places(sample: Sample, table: pd.DataFrame) -> NDArray[np.int64]:
-    """Run of the sample that each row of a table is, from 0."""
+    """Number of each row's run in the sample, from 0."""
     for column in ("point", SEED_FACTOR):
         if column not in table:
             raise ConfigurationError(f"{column}: must be a column of the table, got none")
@@ -451,7 +452,7 @@ def _places(sample: Sample, table: pd.DataFrame) -> NDArray[np.int64]:
     twice = table["point"][table["point"].duplicated()]
     if len(twice):
         raise ConfigurationError(
-            f"point: must be there once, for the seed is a factor, got {twice.iloc[0]} again"
+            f"point: must occur once, because the seed is a factor, got {twice.iloc[0]} twice"
         )
     other = table[SEED_FACTOR].to_numpy(np.int64) != sample.seeds[at]
     if other.any():
@@ -474,5 +475,5 @@ def _places(sample: Sample, table: pd.DataFrame) -> NDArray[np.int64]:
 
 
 def events(independent: Floats) -> int:
-    """Independent runs that do not have the commonest value."""
+    """Number of independent runs that do not have the commonest value."""
     return independent.size - int(np.unique(independent, return_counts=True)[1].max())

@@ -1,6 +1,6 @@
 """Figures of Sobol' indices: the indices themselves, and the response against each factor.
 
-Each function draws into the axes it is given, or into a new figure.
+Each function draws into given axes or into a new figure.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ from ...words.shares import percent
 from .analysis import Floats, Sensitivity
 
 RASTER_FROM = 1000
-"""From this many points on, an SVG holds a raster image of them."""
+"""Fewest points that an SVG holds as a raster image."""
 MOST_BINS, LEAST_IN_BIN = 20, 16
-"""Bins of a conditional mean, and independent runs in each."""
+"""Most bins of a conditional mean, and fewest independent runs in each."""
 MOST_IN_COLUMN = 6
-"""Panels one above the other."""
-_THICK = 0.36  # of a bar
+"""Most panels one above the other."""
+_THICK = 0.36  # height of a bar
 
 
 def plot_indices(
     sobol: Sensitivity, ax: Axes | None = None, theme: ThemeName = "light"
 ) -> Axes:
-    """First-order and total indices with their intervals, the largest total on top; and chance."""
+    """First-order and total indices with their intervals, the largest total on top, and chance."""
     with use(theme, ax) as look:
         table = sobol.ranked().iloc[::-1]
         own = ax is None
@@ -73,9 +73,8 @@ def plot_scatter(
 ) -> Sequence[Axes]:
     """The independent runs against each factor, and the mean of runs with similar values.
 
-    The variance of that mean is the share that the factor's first-order index says. Axes are
-    logarithmic where a distribution is, or the analysed response. Of ``lost``, the means are shares
-    of lost runs.
+    The factor's first-order index is the variance of that mean, as a share. Axes are logarithmic if
+    the distribution or the analysed response is. For ``lost``, the means are shares of lost runs.
     """
     with use(theme, ax) as look:
         factors = sobol.sample.factors
@@ -103,12 +102,12 @@ def plot_scatter(
 
 
 def _columns(factors: Sequence[DrawnFactor]) -> int:
-    """One column, which fits a telephone; two only where there are many panels."""
+    """One column of panels, which fits a telephone; two if there are many panels."""
     return 1 if len(factors) <= MOST_IN_COLUMN else 2
 
 
 def _panel(panel: Axes, sobol: Sensitivity, factor: DrawnFactor, look: Theme) -> None:
-    """One factor's points and conditional mean."""
+    """Draw the points and the conditional mean of one factor."""
     runs = sobol.independent_runs.ravel()
     x, y = sobol.sample.values[factor.name].to_numpy()[runs], sobol.values[runs]
     levels = factor.distribution.levels
@@ -116,7 +115,7 @@ def _panel(panel: Axes, sobol: Sensitivity, factor: DrawnFactor, look: Theme) ->
         places = {level: float(i) for i, level in enumerate(levels)}
         x = np.array([places[value] for value in x.tolist()])
     x = x.astype(np.float64)
-    # side by side, where many runs are at the same place
+    # spread sideways, as many runs share a place
     beside = 0.0 if levels is None else np.random.default_rng(1).uniform(-0.25, 0.25, len(x))
     many = len(x) > RASTER_FROM
     panel.plot(x + beside, y, ".", color=look.soft, ms=3 if many else 5, mew=0, rasterized=many,
@@ -147,7 +146,7 @@ def _panel(panel: Axes, sobol: Sensitivity, factor: DrawnFactor, look: Theme) ->
 
 
 def _plain_ticks(axis: Axis, values: Floats) -> None:
-    """Ticks of a logarithmic axis as plain numbers: exponents would be too small to read."""
+    """Show ticks of a logarithmic axis as plain numbers, as exponents are too small to read."""
     low, high = float(values.min()), float(values.max())
     decades = range(floor(log10(low)), ceil(log10(high)) + 1)
     digits = (1.0,) if high / low > 500 else (1.0, 3.0) if high / low > 20 else (1.0, 2.0, 5.0)
@@ -160,12 +159,12 @@ def _plain_ticks(axis: Axis, values: Floats) -> None:
 def conditional_mean(
     x: Floats, y: Floats, *, discrete: bool = False
 ) -> tuple[Floats, Floats, Floats]:
-    """Mean of y at like values of x.
+    """Mean of y at similar values of x.
 
     Parameters
     ----------
     discrete
-        Each value of x has a mean of its own; else bins of x do, with equally many values each.
+        Compute a mean for each value of x, instead of for bins with equal numbers of values.
 
     Returns
     -------
@@ -180,7 +179,7 @@ def conditional_mean(
     else:
         bins = int(np.clip(len(x) // LEAST_IN_BIN, 1, MOST_BINS))
         cuts = np.linspace(0, len(x), bins + 1).round().astype(np.int64)[1:-1]
-        # runs with the same value, as rounding makes them, are in the same bin
+        # runs with equal values, which rounding makes, share a bin
         cuts = np.unique(np.searchsorted(x, x[cuts]))
         cuts = cuts[cuts > 0]
     parts = [*zip(np.split(x, cuts), np.split(y, cuts), strict=True)]
@@ -191,7 +190,7 @@ def conditional_mean(
 
 def _mean(sobol: Sensitivity) -> str:
     what = "geometric mean" if sobol.transform == "log" else "share" if sobol.is_flag else "mean"
-    return f"{what} of like runs, {percent(sobol.confidence, '.4g')} intervals"
+    return f"{what} of similar runs, {percent(sobol.confidence, '.4g')} intervals"
 
 
 def _response(sobol: Sensitivity) -> str:

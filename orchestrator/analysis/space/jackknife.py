@@ -1,34 +1,35 @@
 """First-order and total indices of base rows, and their intervals by the jackknife over rows.
 
-Estimators are Saltelli's of 2010 and Jansen's (A. Saltelli et al., Comput. Phys. Commun. 181, 2010,
-259–270, Table 2 (b) and (f)). The mean of all responses is taken off first: Saltelli's estimator
-scatters more, the farther the responses are from zero.
+The estimators are Saltelli's of 2010 and Jansen's (A. Saltelli et al., Comput. Phys. Commun. 181,
+2010, 259–270, Table 2 (b) and (f)). First the mean of all responses is subtracted, because
+Saltelli's estimator scatters more if the responses are far from zero.
 
-An interval is the estimate ± t·s. The standard error s is the jackknife's over base rows (B.
+An interval is the estimate ± t·s. The standard error s comes from the jackknife over base rows (B.
 Efron, The Jackknife, the Bootstrap and Other Resampling Plans, 1982, chapter 3). Totals are
 positive and skewed, so their interval is that of the logarithm. With few rows, or few that matter,
 s is uncertain too. Student's t therefore has Satterthwaite's degrees of freedom (Biometrics Bull.
-2, 1946, 110–114), 2 E(s²)²/Var(s²) = 2 n/(κ − 1 + 2/(n − 1)), and at most n − 1; κ is the kurtosis
-of the n values without a row.
+2, 1946, 110–114), 2 E(s²)²/Var(s²) = 2 n/(κ − 1 + 2/(n − 1)), and at most n − 1. Here κ is the
+kurtosis of the n values without a row.
 
-The jackknife knows nothing of rows that a sample happens not to have. With a step in few runs, no
-row may have two runs beyond it, and s is far too small. A ratio of likelihoods does not exclude
-that such rows have the share w = 1 − exp(−t²/2n), as in `two_values` (empirical likelihood, A. B.
-Owen, Biometrika 75, 1988, 237–249). Each interval reaches at least to the estimate with such rows.
-Let w d² be q times the variance, where d is how far their runs are from the mean.
+The jackknife does not know rows that a sample happens to lack. If few runs lie beyond a step, no
+row may have two of them, and s is far too small. A ratio of likelihoods does not exclude that such
+rows have the share w = 1 − exp(−t²/2n), as in `two_values` (empirical likelihood, A. B. Owen,
+Biometrika 75, 1988, 237–249). Each interval therefore reaches at least to the estimate with such
+rows. Let w d² be q times the variance, where d is the distance of their runs from the mean.
 
-- The runs at A and with one column from B are both far, and alike: a total index T is T/(1 + q).
-- A column has changed nothing so far, and moves one run: T is q/(2 + q).
-- The runs at B and with one column from B are alike: a first-order index S is 1 − (1 − S)/(1 + q),
-  but at most the total one.
+- The runs at A and with one column from B are both far and alike: a total index T becomes
+  T/(1 + q).
+- A column has had no effect so far, and moves one run: T becomes q/(2 + q).
+- The runs at B and with one column from B are alike: a first-order index S becomes
+  1 − (1 − S)/(1 + q), but at most the total index.
 
-For totals d is that of the farthest run. For first-order indices it is the root mean square of the
-farthest share w of all runs, for with the farthest one their intervals would be much wider where
-factors interact.
+For totals, d is the distance of the farthest run. For first-order indices it is the root mean
+square distance of the farthest share w of all runs. With the farthest run, their intervals would be
+much wider where factors interact.
 
 `tests/unit/orchestrator/test_coverage.py` measures how often such intervals hold the index.
 
-The functions take further leading axes, for many samples at once.
+The functions accept further leading axes, for many samples at once.
 """
 
 from __future__ import annotations
@@ -51,16 +52,16 @@ class IndexEstimates(NamedTuple):
     high: Floats
 
     def inside(self) -> IndexEstimates:
-        """The same without what no index can be: below 0 or above 1."""
+        """The same, limited to the range of an index, from 0 to 1."""
         return IndexEstimates(*(np.clip(ends, 0.0, 1.0) for ends in self))
 
     def within(self, low: Floats, high: Floats) -> IndexEstimates:
-        """The values, moved into another interval."""
+        """The values, moved into given intervals, with these."""
         return IndexEstimates(np.clip(self.value, low, high), low, high)
 
 
 def indices(y: Floats, confidence: float) -> tuple[IndexEstimates, IndexEstimates]:
-    """First-order and total indices with intervals, none of them below 0 or above 1.
+    """First-order and total indices with intervals, all from 0 to 1.
 
     Parameters
     ----------
@@ -95,9 +96,9 @@ def indices(y: Floats, confidence: float) -> tuple[IndexEstimates, IndexEstimate
 
 
 def scaled(y: Floats) -> Floats:
-    """The values, by a power of 2 to at most 1: the squares of huge and tiny ones are no numbers.
+    """Scale the values by a power of 2 to at most 1, so that squares neither over- nor underflow.
 
-    Shape (…, rows, runs); as exact as they are, but for what is 2¹⁰⁰⁰ times less than the largest.
+    Shape (…, rows, runs). The result is exact, except for values 2¹⁰⁰⁰ times less than the largest.
     """
     largest = np.abs(y).max(axis=(-2, -1), keepdims=True)
     return np.asarray(np.ldexp(y, -np.frexp(largest)[1]))
@@ -111,12 +112,12 @@ def _with_the_unseen(
     rows: int,
     confidence: float,
 ) -> tuple[IndexEstimates, IndexEstimates]:
-    """Intervals that reach to the estimates with rows that the sample need not show; see above.
+    """Intervals that reach to the estimates with rows that the sample may lack; see above.
 
     Parameters
     ----------
     rest
-        One less the first-order indices, from the runs that share a column with B; shape
+        One minus the first-order indices, from the runs that share a column with B; shape
         (…, columns).
     far
         Squared deviations of all runs in units of the variance; shape (…, runs).
@@ -143,14 +144,14 @@ def _means(values: Floats) -> tuple[Floats, Floats]:
 
 
 def _columns(estimates: list[IndexEstimates]) -> IndexEstimates:
-    """Estimates of shape (…, 1), one after the other."""
+    """Combine estimates of shape (…, 1) into one array."""
     return IndexEstimates(*(np.concatenate(ends, axis=-1) for ends in zip(*estimates, strict=True)))
 
 
 def _interval(value: Floats, left: Floats, confidence: float) -> IndexEstimates:
     """Student's interval from the values without each row; shape (…, rows).
 
-    Without limits where some of them is not finite: a single row makes all of it.
+    It is infinite if one of them is not finite, because then a single row has all the effect.
     """
     n = left.shape[-1]
     squares = (left - left.mean(axis=-1, keepdims=True)) ** 2
@@ -164,7 +165,7 @@ def _interval(value: Floats, left: Floats, confidence: float) -> IndexEstimates:
 
 
 def _of_logarithm(value: Floats, left: Floats, confidence: float) -> IndexEstimates:
-    """Student's interval on the logarithmic scale; nothing at all where no row has a change."""
+    """Student's interval on the logarithmic scale; zero if no row shows a change."""
     log = _interval(np.log(value), np.log(left), confidence)
     ends = (np.where(value == 0, 0.0, np.exp(end)) for end in (log.low, log.high))
     return IndexEstimates(value, *ends)

@@ -1,4 +1,4 @@
-"""What the Sobol' indices of an analysed sample say in words."""
+"""Sobol' indices in sentences."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from ...words.shares import percent, rough_percent
 from .analysis import CHANCE, LEAST_EVENTS, TAIL, WIDEST, Sensitivity
 
 WHOLE = 0.9
-"""Width from which on an interval may be as wide for half as many base rows."""
+"""Width above which half as many base rows might give an equally wide interval."""
 NEGLIGIBLE = 0.05
 """Total index below which a factor is not named in the answer."""
 
 
 def answer(sobol: Sensitivity, most: int = 2) -> str:
-    """What explains the variance, in a sentence: the largest total indices, and chance."""
+    """The sources of the variance, in a sentence: the largest total indices, and chance."""
     ranked = sobol.ranked().drop(index=SEED_FACTOR)
     named = [str(name) for name in ranked.index[ranked["total"] >= NEGLIGIBLE][:most]]
-    of = f"of the variance of {sobol.quantity}, interactions included"
+    of = f"of the variance of {sobol.quantity}, including interactions"
     if sobol.few is not None:
-        text = f"Too few runs differ to say what explains the variance of {sobol.quantity}: "
-        return _without(sobol, f"{text}{sobol.few} of {sobol.independent.size} independent ones.")
+        text = f"Too few runs differ to explain the variance of {sobol.quantity}: only "
+        return _without(sobol, f"{text}{sobol.few} of {sobol.independent.size} independent runs.")
     rough = sobol.widest > WIDEST
     chance = _total(sobol, SEED_FACTOR)
     if named:
@@ -44,17 +44,17 @@ def answer(sobol: Sensitivity, most: int = 2) -> str:
             f"intervals reach up to {rough_percent(high)}"
         )
     roughly = "roughly " if rough else ""
-    return _without(sobol, f"{text}; {CHANCE} explains {roughly}{chance}.")
+    return _without(sobol, f"{text}. {CHANCE.capitalize()} explains {roughly}{chance}.")
 
 
 def _without(sobol: Sensitivity, sentence: str) -> str:
-    """The sentence, led by the base rows that are left out, if any."""
+    """The sentence, preceded by the base rows that are left out, if any."""
     gone, rows = sobol.left_out, int(sobol.done.sum())
     if not gone:
         return sentence
     return (
-        f"Without {rough_percent(sobol.share_left_out)} of the base rows ({gone} of {rows}), where "
-        f"a run has no response: {sentence[0].lower()}{sentence[1:]}"
+        f"Without the {rough_percent(sobol.share_left_out)} of base rows ({gone} of {rows}) in "
+        f"which a run has no response: {sentence[0].lower()}{sentence[1:]}"
     )
 
 
@@ -83,7 +83,7 @@ def summary(sobol: Sensitivity, width: int | None = None) -> str:
 
 
 def notes(sobol: Sensitivity) -> list[str]:
-    """What limits these indices, in sentences."""
+    """The limits of these indices, in sentences."""
     return [*_notes(sobol)]
 
 
@@ -96,24 +96,24 @@ def _notes(sobol: Sensitivity) -> Iterator[str]:
     )
     if sobol.indices["total"].sum() > 1:
         yield (
-            "Totals add up to more than 100 %: an interaction counts for each of its inputs, and "
+            "Totals exceed 100 %, because an interaction counts for each of its factors, and "
             "estimates scatter."
         )
     unfinished = int((~sobol.done).sum())
     if unfinished:
-        yield f"{unfinished} of {sample.base_rows} base rows have runs that are not done yet."
+        yield f"{unfinished} of {sample.base_rows} base rows have unfinished runs."
     gone = sobol.left_out
     if gone:
         without = sobol.dropped
         yield (
-            f"{gone} of {rows + gone} base rows {'is' if gone == 1 else 'are'} left out, for "
-            f"{without} of their runs {'has' if without == 1 else 'have'} no finite response: the "
-            "others need not stand for the space, and their factors may depend on each other."
+            f"{gone} of {rows + gone} base rows {'is' if gone == 1 else 'are'} left out, because "
+            f"{without} of their runs {'has' if without == 1 else 'have'} no finite response. The "
+            "others may not represent the space, and their factors may depend on each other."
         )
     if sample.version == 1:
         yield (
-            "This study was begun with the sample of an earlier version, whose indices can be off "
-            "by more than their intervals; in another folder, the study begins with a new sample."
+            "This study has the sample of an earlier version, whose indices can be off by more "
+            "than their intervals. In another folder, the study gets a new sample."
         )
     if sobol.lost is not None:
         explained = f" {LOST}" if sobol.lost else ""
@@ -121,14 +121,14 @@ def _notes(sobol: Sensitivity) -> Iterator[str]:
     if sobol.few is not None:
         yield (
             f"Only {sobol.few} of the {2 * rows} independent runs "
-            f"{'differs' if sobol.few == 1 else 'differ'} from the others: indices of so few say "
-            f"little; {LEAST_EVENTS} or more are needed."
+            f"{'differs' if sobol.few == 1 else 'differ'} from the others. Useful indices need "
+            f"{LEAST_EVENTS} or more."
         )
     if sobol.heavy:
         positive = bool((sobol.values[np.isfinite(sobol.values)] > 0).all())
         yield (
-            f"Heavy tails: {rough_percent(TAIL)} of the runs make {rough_percent(sobol.tail)} of "
-            "the variance, and the indices are those of these few"
+            f"Heavy tails: {rough_percent(TAIL)} of the runs contribute "
+            f"{rough_percent(sobol.tail)} of the variance, and the indices are those of these few"
             + ("; analyse the logarithm." if positive else ".")
         )
     needed = sobol.base_rows_needed
@@ -136,8 +136,8 @@ def _notes(sobol: Sensitivity) -> Iterator[str]:
         more = (needed - sample.base_rows) * sample.runs_per_row
         about = "about" if sobol.widest < WHOLE else "at least"
         yield (
-            f"The widest interval is {sobol.widest:.2f} wide: for {WIDEST} {about} {needed} base "
-            f"rows are needed, {more} more runs."
+            f"The widest interval is {sobol.widest:.2f} wide. A width of {WIDEST} needs {about} "
+            f"{needed} base rows, which is {more} more runs."
         )
 
 

@@ -1,16 +1,16 @@
-"""Intervals of the indices of a response that has two values, such as ``lost``.
+"""Intervals of the indices of a response with two values, such as ``lost``.
 
 Take the run with one column from B, and pair it with the run at A, or with the run at B. Both runs
-of a pair have the same distribution. A total index is one less the correlation of the first pair; a
-first-order index is the correlation of the second. A pair has both values rare, both frequent, or
-one of each, with probabilities
+of a pair have the same distribution. A total index is one minus the correlation of the first pair.
+A first-order index is the correlation of the second pair. A pair has both values rare, both
+frequent, or one of each, with probabilities
 
 p² + ρ p q,    q² + ρ p q,    2 p q (1 − ρ),        q = 1 − p.
 
-The counts of the three over the base rows are multinomial. An interval has the correlations
+The counts of the three over the base rows are multinomial. An interval consists of the correlations
 0 ≤ ρ ≤ 1 that the ratio of likelihoods does not exclude, with the best p for each (the common
 correlation model of A. Donner, M. Eliasziw, Stat. Med. 11, 1992, 1511–1519). It is the whole range
-where no pair has the rare value.
+if no pair has the rare value.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _HALVINGS = 34  # of a range of 1: to 1e-10
 
 
 def intervals(y: Floats, confidence: float) -> tuple[IndexEstimates, IndexEstimates]:
-    """First-order and total indices with intervals, none of them below 0 or above 1.
+    """First-order and total indices with intervals, all from 0 to 1.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ def intervals(y: Floats, confidence: float) -> tuple[IndexEstimates, IndexEstima
 
 
 def correlation(one: Floats, other: Floats, confidence: float) -> IndexEstimates:
-    """The correlation of pairs of two values, 0 to 1, with its interval; pairs along axis −2."""
+    """The correlation of pairs of values, from 0 to 1, with its interval; pairs along axis −2."""
     counts = np.stack([
         (one * other).sum(axis=-2), (one != other).sum(axis=-2),
         ((1 - one) * (1 - other)).sum(axis=-2),
@@ -61,7 +61,7 @@ def correlation(one: Floats, other: Floats, confidence: float) -> IndexEstimates
 
 
 def _likelihood(rho: Floats, counts: Floats) -> Floats:
-    """Logarithm of the likelihood of a correlation at the best p, which is concave in p."""
+    """Log likelihood of a correlation at the best p; it is concave in p."""
     both, either, none = counts
     low, high = np.zeros_like(rho), np.ones_like(rho)
     for _ in range(_HALVINGS):

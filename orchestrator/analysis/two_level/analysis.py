@@ -1,19 +1,19 @@
-"""Two-level factorial analysis: which factor changes a response, by how much, and how surely.
+"""Two-level factorial analysis: which factors change a response, by how much, and how surely.
 
-The model is a linear one in coded units, −1 for a factor's low level and +1 for its high level
-(the paper's section 5.1; Montgomery, Design and Analysis of Experiments, 8th edition, chapters 6
-to 8). An effect is the change of the mean from low to high, twice the coefficient. Three ways lead
-to its uncertainty:
+The model is linear in coded units, −1 for a factor's low level and +1 for its high level (the
+paper's section 5.1; Montgomery, Design and Analysis of Experiments, 8th edition, chapters 6 to 8).
+An effect is the change of the mean from low to high, which is twice the coefficient. Its
+uncertainty comes from one of three methods:
 
 ``ols``
-    Ordinary least squares: every run has noise of its own. Where points have several runs, the
-    error is the scatter of the runs about their points' means, the *pure error*. The scatter about
-    the model, the *residual*, also holds what the model leaves out, such as interactions of three
-    factors: intervals from it are wider than they say.
+    Ordinary least squares: every run has noise of its own. If points have several runs, the error
+    is the scatter of the runs about their points' means, the *pure error*. The scatter about the
+    model, the *residual*, also includes what the model leaves out, such as interactions of three
+    factors. Its intervals are therefore too wide.
 ``replicates``
-    Common random numbers: the runs of a replicate share their noise, so that errors are not
-    independent, and least squares is wrong about them. Effects are taken in each replicate, and
-    their scatter over the replicates is the error; each has its own.
+    Common random numbers: the runs of a replicate share their noise, so their errors are not
+    independent, and least squares does not apply. Effects are computed in each replicate. Their
+    scatter over the replicates is the error; each effect has its own.
 ``lenth``
     No degrees of freedom are left for the error: Lenth's pseudo standard error, from the effects
     themselves (Technometrics 31, 1989, 469–473).
@@ -76,7 +76,7 @@ sentences: Any = Module("sblcosim.analysis.two_level.sentences")
 drawings: Any = Module("sblcosim.analysis.two_level.figures")
 
 MOST_BARS = 20
-"""Effects that a Pareto chart shows at most."""
+"""Most effects in a Pareto chart."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -86,46 +86,48 @@ class Factorial(Answer):
     Attributes
     ----------
     response, unit, transform
-        The analysed quantity. With ``log`` it is the natural logarithm, with ``spread`` that of the
-        standard deviation over the replicates of a point; effects are then differences of
-        logarithms.
+        The analysed quantity. With ``log`` it is the natural logarithm, with ``spread`` the natural
+        logarithm of the standard deviation over the replicates of a point. Effects are then
+        differences of logarithms.
     levels
         Low and high level of each factor, in its own unit.
     terms
-        The model without its mean, as indices of the factors.
+        Terms of the model except the mean, as indices of the factors.
     method, seeding, confidence
-        Where the uncertainties come from, and the confidence of intervals and reference lines.
+        Source of the uncertainties; whether the runs of a replicate share their noise; confidence
+        of intervals and reference lines.
     error, sigma, df
         Source of the error of the effects: ``pure``, the scatter between replicates, or
-        ``residual``, with lack of fit in it; its standard deviation of a single run; and its
-        degrees of freedom, those of t. With Lenth's method there is neither: None and NaN. With
-        common random numbers each effect has a scatter of its own: ``pure`` and NaN.
+        ``residual``, which includes lack of fit; standard deviation of a single run; degrees of
+        freedom of the error and of t. With Lenth's method, error and standard deviation are None
+        and NaN. With common random numbers, each effect has a scatter of its own: ``pure`` and NaN.
     practical
         Smallest effect that matters, in units of the effects; None if not given.
     effects
-        One row per term: ``order``, ``coefficient``, ``effect``, ``std_error`` (of the effect),
-        ``t``, ``p``, ``low``, ``high`` (confidence interval), ``share`` (of the total sum of
-        squares), ``significant``; ``ratio``, ``ratio_low``, ``ratio_high`` (high over low) for
+        One row per term: ``order``, ``coefficient``, ``effect``, ``std_error`` of the effect,
+        ``t``, ``p``, ``low`` and ``high`` (confidence interval), ``share`` of the total sum of
+        squares, ``significant``; ``ratio``, ``ratio_low``, ``ratio_high`` (high to low) for
         logarithms; ``verdict`` (``matters``, ``too small``, ``undecided``) if `practical` is given.
     anova
         Sums of squares, one row per term, then curvature, residual with its parts lack of fit and
-        pure error, and total. With common random numbers each term has its own error, and the
-        residual is less the replicates' means, which have a row.
+        pure error, and total. With common random numbers, each term has its own error, and the
+        replicates' means have a row, which the residual excludes.
     runs, dropped
-        Runs that were analysed, and those left out because their response is not finite (or, with
-        common random numbers, because their replicate is incomplete).
+        Number of analysed runs, and of runs that are left out because their response is not finite
+        or, with common random numbers, their replicate is incomplete.
     rmse
-        Root of the residual mean square, lack of fit in it; NaN if nothing is left for it.
+        Residual standard deviation, which includes lack of fit; NaN if no degrees of freedom are
+        left.
     r2, r2_adjusted, r2_predicted, press
-        Of the model over single runs. For the last two each run (with common random numbers: each
-        replicate) is predicted from the others.
+        Fit of the model to single runs. For the last two, each run (with common random numbers,
+        each replicate) is predicted from the others.
     lack_of_fit, curvature
-        Tests, None where there is nothing to test. With common random numbers lack of fit is
+        Tests; None where there is nothing to test. With common random numbers, lack of fit is
         tested over the replicates with Greenhouse and Geisser's degrees of freedom.
     lenth
-        Where no degrees of freedom are left.
+        Lenth's margins, if no degrees of freedom are left; otherwise None.
     overall_mean
-        Mean over the design points, without centre points.
+        Mean over the design points except centre points.
     points
         The design points: factors, ``runs``, ``mean``, ``std``, ``fit``.
     main_effects
@@ -136,17 +138,18 @@ class Factorial(Answer):
     residuals
         One row per run: ``fit``, ``residual``, ``standardised``, ``run_order``.
     aliases
-        Terms outside of the model, up to order 3, that the design cannot tell from those in it.
+        Terms that the model lacks, up to order 3, and that the design cannot tell apart from its
+        terms.
     replicate_effects
         Effects of each replicate, one column per term; None unless `method` is ``replicates``.
     table
-        The runs: factors, response (transformed), replicate and run order as far as they exist.
+        The runs: factors, transformed response, replicate and run order, if they exist.
     units
-        Of the factors, for texts.
+        Units of the factors, for texts.
     reduced
         Whether interactions are left out because the design points cannot tell them apart.
     labels, label
-        Names for people to read, of the factors and of the response, if they have any.
+        Labels of the factors and of the response, for people, if they have any.
     """
 
     columns = MappingProxyType({
@@ -204,12 +207,12 @@ class Factorial(Answer):
 
     @property
     def title(self) -> str:
-        """Of a page."""
+        """Title of a page."""
         return f"Effects on {self.readable.quantity}"
 
     @property
     def answer(self) -> str:
-        """What matters, in a few sentences."""
+        """The effects that matter, in a few sentences."""
         return str(sentences.answer(self.readable))
 
     @property
@@ -223,12 +226,12 @@ class Factorial(Answer):
 
     @property
     def figures(self) -> list[Job]:
-        """The paper's four pictures (Figures 15 to 18)."""
+        """The four figures of the paper (15 to 18)."""
         return jobs(FIGURES, self.readable)
 
     @property
     def remarks(self) -> list[str]:
-        """What must be known to read the numbers, a line each."""
+        """Remarks that are needed to read the numbers, one line each."""
         found: list[str] = sentences.notes(self.readable)
         return found
 
@@ -244,7 +247,7 @@ class Factorial(Answer):
         return plain
 
     def manifest(self) -> dict[str, Any]:
-        """What was analysed, and how."""
+        """The question and the method."""
         return {
             "analysis": {
                 "response": self.response, "factors": list(self.factors),
@@ -255,12 +258,12 @@ class Factorial(Answer):
 
     @property
     def readable(self) -> Self:
-        """The same with `labels` and `label` instead of the columns' names, for people."""
+        """A copy with `labels` and `label` instead of the names of columns, for people."""
         return self.named(self.labels, None, self.label or None)
 
     @property
     def reference(self) -> float:
-        """The t beyond which an effect is significant: t(1−α/2, df)."""
+        """The |t| above which an effect is significant: t(1−α/2, df)."""
         return float(stats.t.ppf((1 + self.confidence) / 2, self.df))
 
     def named(
@@ -269,16 +272,16 @@ class Factorial(Answer):
         units: Mapping[str, str] | None = None,
         response: str | None = None,
     ) -> Self:
-        """The same for people to read: other names for factors and response.
+        """A copy with other names for factors and response, for people.
 
         Parameters
         ----------
         labels
-            By factor; the others keep their names.
+            New names of factors; others keep their names.
         units
-            Of the factors, by their old names.
+            Units of the factors, by their old names.
         response
-            New name.
+            New name of the response.
         """
         names = {name: labels.get(name, name) for name in self.factors}
         new = tuple(names.values())
@@ -314,12 +317,12 @@ class Factorial(Answer):
         return self.effects.sort_values("effect", key=np.abs, ascending=False, kind="stable")
 
     def text(self, *, verbose: bool = False, width: int | None = None, most: int = 12) -> str:
-        """The analysis in words: the answer, then the `most` largest effects.
+        """The answer, then the `most` largest effects.
 
         Parameters
         ----------
         verbose
-            With standard errors, t and p, and how it was analysed.
+            Add standard errors, t and p, and the method.
         width
             Columns to fit into; None: sentences are not wrapped.
         """
@@ -386,42 +389,41 @@ def analyse(
     Parameters
     ----------
     table
-        One row per run: the factors' levels in their own units, the response, and perhaps the
+        One row per run: the factors' levels in their own units, the response, and optionally the
         columns `replicate` and `run_order`. Rows without a finite response are left out.
     factors, response
         Columns.
     order
-        The model has interactions of up to this many factors; by default of two, or none if the
-        design points cannot tell those apart.
+        The model has interactions of up to this many factors. Default: two, or none if the design
+        points cannot tell the interactions apart.
     terms
-        The model itself instead: factors, and interactions as sequences of factors or as the
-        analysis names them, ``A × B``.
+        Terms of the model, instead of an order: factors, and interactions as sequences of factors
+        or with their names in the analysis, ``A × B``.
     levels
-        Low and high level of each factor; without it they are the smallest and largest of the
-        table.
+        Low and high level of each factor; default: the smallest and the largest in the table.
     seeding
         ``common`` if the runs of a replicate share their random numbers.
     transform
         ``log`` analyses the natural logarithm of the response, ``spread`` that of its standard
         deviation over the runs of each point.
     error
-        Of the effects: ``pure``, the scatter between replicates (where there are none, that about
-        the model), or ``residual``, the scatter about the model, which holds its lack of fit, too.
+        Source of the error: ``pure``, the scatter between replicates (or about the model, if there
+        are none), or ``residual``, the scatter about the model, which includes its lack of fit.
     practical
-        Smallest effect that matters, in the unit of the response; with a transform a ratio
+        Smallest effect that matters, in the unit of the response; with a transform, a ratio
         above 1.
     confidence
-        Of intervals and of the reference line.
+        Confidence of intervals and of the reference line.
     unit
-        Of the response, for texts.
+        Unit of the response, for texts.
     replicate, run_order
-        Names of these columns. Without a run order one is drawn, the same every time.
+        Names of these columns. A missing run order is drawn, the same every time.
 
     Raises
     ------
     ConfigurationError
-        A column or a level is not as it must be, or the design cannot estimate the model; the
-        terms that cannot be told apart are named.
+        A column or a level is invalid, or the design cannot estimate the model. The message names
+        the terms that it cannot tell apart.
     """
     factors = tuple(factors)
     check_columns(table, factors, response)
@@ -506,12 +508,12 @@ def _pareto(a: Factorial) -> str:
     count, shown = len(a.effects), min(len(a.effects), MOST_BARS)
     part = f"the {shown} largest of {count} effects" if shown < count else f"all {count} effects"
     if a.lenth is None:
-        return (f"Pareto chart of the standardised effects |t|, {part}. What crosses the line is "
-                "significant; hatched bars are negative effects.")
+        return (f"Pareto chart of the standardised effects |t|, {part}. Bars that cross the line "
+                "are significant. Hatched bars are negative effects.")
     own = f" in {a.unit}" if a.unit else ""
-    return (f"Pareto chart of the size of the effects{own}, {part}. What crosses the margin of "
-            "error (ME) is significant if looked at alone, what crosses the simultaneous one (SME) "
-            "also as one of many; hatched bars are negative effects.")
+    return (f"Pareto chart of the size of the effects{own}, {part}. A bar that crosses the margin "
+            "of error (ME) is significant on its own. A bar that crosses the simultaneous margin "
+            "(SME) is significant among all effects. Hatched bars are negative effects.")
 
 
 def _largest(a: Factorial) -> str:
@@ -525,21 +527,21 @@ FIGURES: Mapping[str, Figure[Factorial]] = by_name(
         "main_effects", drawings.later("plot_main_effects"), _analysis,
         lambda f: f"Main effects: mean {f.quantity} at both levels of each factor"
         f"{', with its interval' if f.replicate_effects is None else ''}, "
-        "and the overall mean.",
+        "and overall mean.",
         lambda f: f"Main effects; overall mean {f.overall_mean:.3g}"
         f"{f.unit and f' {f.unit}'}",
     ),
     Figure(
         "interactions", drawings.later("plot_interactions"), _analysis,
         lambda f: f"Interactions: mean {f.quantity} at each pair of levels. "
-        "Lines that are not parallel are an interaction.",
+        "Lines that are not parallel show an interaction.",
         lambda f: "Matrix of interaction plots, one for each pair of factors",
         lambda f: len(f.factors) > 1,
     ),
     Figure(
         "residuals", drawings.later("plot_residuals"), _analysis,
-        lambda f: "Residuals: normal probability, histogram, against fits, and against the "
-        "random run order.",
+        lambda f: "Residuals: normal probability, histogram, against fitted values, and against "
+        "the random run order.",
         lambda f: "Four plots of the residuals",
     ),
 )  # fmt: skip

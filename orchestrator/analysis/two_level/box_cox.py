@@ -1,4 +1,4 @@
-"""Which power of the response suits the model."""
+"""The power of the response that suits the model."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from .analysis import Factorial
 
 
 def box_cox(analysis: Factorial, lambdas: Sequence[float] | None = None) -> pd.DataFrame:
-    """Profile of the Box–Cox transform of the response: which power suits the model.
+    """Profile of the Box–Cox transform of the response, to find the power that suits the model.
 
     Returns
     -------
     DataFrame
-        ``lambda`` (1: as it is, 0: its logarithm; without `lambdas` from −2 to 2, the best one and
-        the ends of its interval among them), ``log_likelihood``, up to a constant, and
-        ``inside``: whether λ is in the confidence interval, by the likelihood ratio. With common
-        random numbers the replicates' means are part of the model.
+        ``lambda`` (1: the response itself, 0: its logarithm; by default from −2 to 2, including the
+        best one and the ends of its interval), ``log_likelihood`` up to a constant, and ``inside``:
+        whether λ is in the confidence interval of the likelihood ratio. With common random numbers,
+        the replicates' means are part of the model.
 
     Raises
     ------
@@ -35,7 +35,7 @@ def box_cox(analysis: Factorial, lambdas: Sequence[float] | None = None) -> pd.D
     y = analysis.table[analysis.response].to_numpy(np.float64)
     if analysis.transform != "none" or (y <= 0).any():
         raise ConfigurationError(
-            f"{analysis.response}: must be positive and as it is for a Box–Cox profile, got "
+            f"{analysis.response}: must be positive and untransformed for a Box–Cox profile, got "
             + ("a logarithm" if analysis.transform != "none" else f"{y.min():g}")
         )
     points, of_run = coded_points(analysis.table, analysis.levels)
@@ -53,14 +53,14 @@ def box_cox(analysis: Factorial, lambdas: Sequence[float] | None = None) -> pd.D
     runs = np.bincount(of_run)
     q = np.linalg.qr(np.sqrt(runs)[:, None] * x)[0]
     logs = centred_log(y).off
-    logs -= logs.mean()  # scaled by the geometric mean, so that no power overflows
+    logs -= logs.mean()  # divides by the geometric mean, so that no power overflows
 
     @cache
     def height(power: float) -> float:
         z = np.expm1(power * logs) / power if abs(power) > 1e-12 else logs
         means = group_means(of_run, z)
         within = z - means[of_run]
-        if blocks is not None:  # replicates are complete: their means and the terms are orthogonal
+        if blocks is not None:  # the replicates are complete, so they are orthogonal to the terms
             within -= group_means(blocks, within)[blocks]
         between = np.sqrt(runs) * means
         left = float((within**2).sum() + ((between - q @ (q.T @ between)) ** 2).sum())
@@ -79,7 +79,7 @@ def box_cox(analysis: Factorial, lambdas: Sequence[float] | None = None) -> pd.D
 def _summit(
     height: Callable[[float], float], grid: Floats, value: Floats, depth: float
 ) -> list[float]:
-    """Powers of the maximum and, on both sides, of the points lower by `depth`."""
+    """Powers at the maximum and, on both sides, at the points that are lower by `depth`."""
     top = int(value.argmax())
     low, high = grid[max(top - 1, 0)], grid[min(top + 1, len(grid) - 1)]
     best = float(optimize.minimize_scalar(

@@ -1,4 +1,4 @@
-"""Tables of effects, of their variance, and of means."""
+"""Tables of effects, variance and means."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def anova_table(
     p = effects["p"] if method != "lenth" else np.nan
     table = pd.DataFrame({"ss": ss, "df": 1.0, "ms": ss, "f": f, "p": p})
     nan = np.nan
-    within = float((uncertainty.residual**2).sum())  # less the replicates' means, too
+    within = float((uncertainty.residual**2).sum())  # without the replicates' means
     spare = fit.spare - blocks
     rows: dict[str, tuple[float, float, float, float]] = {}
     if curvature is not None:

@@ -1,7 +1,7 @@
-"""Figures of a factorial analysis, as the paper's Figures 15 to 18, 22 to 24 and 28 to 30.
+"""Figures of a factorial analysis, like the paper's Figures 15 to 18, 22 to 24 and 28 to 30.
 
-Each function draws into the axes it is given, or into a new figure. Those with several panels
-replace the axes by them and return them.
+Each function draws into given axes or into a new figure. A function with several panels replaces
+the axes by its panels and returns these.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ from .analysis import MOST_BARS, Factorial
 from .box_cox import box_cox
 
 RASTER_FROM = 1000
-"""From this many points on, an SVG holds a raster image of them."""
+"""Fewest points that an SVG holds as a raster image."""
 MOST_DOTS = 20_000
-"""Points that are all drawn; of more, those that can be seen."""
+"""Most points that are all drawn. Of more points, only the visible ones are drawn."""
 CELLS = 500
-"""Cells across a panel, each a sixth of a dot: of the points in a cell one is seen."""
+"""Cells across a panel, each a sixth of a dot, so that only one point of a cell is visible."""
 PERCENT = (0.01, 0.1, 1, 5, 20, 50, 80, 95, 99, 99.9, 99.99)
 LONGEST_TERM = 36
 """Longest term on one line [characters]."""
@@ -46,15 +46,15 @@ def plot_pareto(
 ) -> Axes:
     """The `most` largest standardised effects |t|, the largest on top (the paper's Figure 15).
 
-    The line is t(1−α/2, df): what crosses it is significant. Without degrees of freedom the bars
-    are effects, and the lines Lenth's margins of error, for one effect and for all at once.
+    The line is t(1−α/2, df). Effects that cross it are significant. Without degrees of freedom, the
+    bars are effects, and the lines are Lenth's margins of error for one effect and for all at once.
     """
     with use(theme, ax) as look:
         table = analysis.effects
         size = table["effect" if analysis.lenth else "t"].abs().sort_values(
             ascending=False, kind="stable"
         )
-        # Without any scatter t is infinite, or undefined if the effect is zero, too.
+        # Without any scatter t is infinite, or undefined if the effect is also zero.
         finite = size[np.isfinite(size)].max() if np.isfinite(size).any() else 1.0
         endless = bool(np.isinf(size).any())
         shown = size.fillna(0.0).clip(upper=2 * finite).head(most).iloc[::-1]
@@ -102,15 +102,15 @@ def plot_interactions(
 ) -> Sequence[Axes]:
     """Means at each pair of levels (the paper's Figure 16).
 
-    A panel's horizontal axis has the levels of the factor on top of its column, its lines are
-    those of the factor at the end of its row: lines that are not parallel are an interaction.
+    A panel's horizontal axis has the levels of the factor on top of its column. Its lines are the
+    levels of the factor at the end of its row. Lines that are not parallel show an interaction.
     """
     with use(theme) as look:
         factors = analysis.factors
         n = len(factors)
         own = ax is None
-        side = 1.15 if n > 4 else 1.6 if n > 2 else 2.3  # of a panel [inch]
-        names = 0.4  # height of the names on top
+        side = 1.15 if n > 4 else 1.6 if n > 2 else 2.3  # width of a panel [inch]
+        names = 0.4  # height of the names on top [inch]
         panels = panels_in(n, n, 1.2 + side * max(n, 2), 0.8 + names + side * (n - 1), ax,
                          heights=[names / side, *[1.0] * (n - 1)])
         means = analysis.interactions.set_index(
@@ -153,9 +153,9 @@ def plot_main_effects(
 ) -> Axes:
     """Mean at both levels of each factor, and the overall mean (the paper's Figure 17).
 
-    Bars are intervals of the means: an effect is the difference of two of them, equally sure, so
-    that its interval is √2 times as long. There are none for effects within replicates, which are
-    surer than their means.
+    Bars are intervals of the means. An effect is the difference of two equally uncertain means, so
+    its interval is √2 times as long. Effects within replicates are more certain than their means
+    and have no bars.
     """
     with use(theme, ax) as look:
         factors = analysis.factors
@@ -197,9 +197,10 @@ def plot_main_effects(
 def plot_residuals(
     analysis: Factorial, ax: Axes | None = None, theme: ThemeName = "light"
 ) -> Sequence[Axes]:
-    """Residuals four times (the paper's Figure 18).
+    """Four plots of the residuals (the paper's Figure 18).
 
-    Normal probability, histogram, against fits, and against the run order, which is random.
+    They are a normal probability plot, a histogram, and plots against the fitted values and against
+    the random run order.
     """
     with use(theme) as look:
         panels = panels_in(2, 2, 7.6, 6.0, ax)
@@ -232,16 +233,16 @@ def plot_residuals(
             panel.axhline(0, color=look.ink, lw=1, ls=LINES[1])
             panel.plot(*_seen(table[column].to_numpy(), residual), **dots)
             panel.set(xlabel=label, ylabel=f"Residual{unit}")
-        fits.set_title("Against fits", loc="left")
+        fits.set_title("Against fitted values", loc="left")
         order.set_title("Against run order", loc="left")
         if ax is None:
-            none = "; as many terms as points, nothing is left over" if analysis.lenth else ""
+            none = "; none are left with as many terms as points" if analysis.lenth else ""
             normal.figure.suptitle(f"Residuals of {analysis.quantity}{none}", fontsize="medium")
     return panels
 
 
 def _seen(x: Floats, y: Floats) -> tuple[Floats, Floats]:
-    """The points that can be seen: of many, those that are not hidden by others."""
+    """The visible points: if there are many, those that others do not hide."""
     if len(x) <= MOST_DOTS:
         return x, y
     known = np.isfinite(x) & np.isfinite(y)
@@ -260,7 +261,7 @@ def plot_box_cox(
     theme: ThemeName = "light",
     profile: pd.DataFrame | None = None,
 ) -> Axes:
-    """Profile of the Box–Cox transform, made by `box_cox`."""
+    """Profile of the Box–Cox transform, from `box_cox`."""
     profile = box_cox(analysis) if profile is None else profile
     with use(theme, ax) as look:
         own = ax is None
@@ -274,19 +275,19 @@ def plot_box_cox(
         ax.plot(power, height - height.max(), color=look.receivers[1])
         ax.axvline(best, color=look.receivers[0], ls=LINES[1],
                    label=f"best λ = {minus(f'{best:.2g}')}")
-        for value, word in ((0, "logarithm"), (1, "as it is")):
+        for value, word in ((0, "logarithm"), (1, "response")):
             ax.axvline(value, color=look.ink, ls=LINES[2], lw=0.9)
             ax.annotate(word, (value, 0.02), xycoords=("data", "axes fraction"), rotation=90,
                         xytext=(-3, 0), textcoords="offset points", ha="right", va="bottom",
                         fontsize=SMALL)
-        ax.set(xlabel="Power λ of the response", ylabel="log likelihood, less its maximum")
+        ax.set(xlabel="Power λ of the response", ylabel="log likelihood minus its maximum")
         ax.set_title("Box–Cox profile", loc="left")
         add_legend(ax, own)
     return ax
 
 
 def _side(high: int, look: Theme) -> dict[str, Any]:
-    """How the line of a low or a high level is drawn."""
+    """Style of the line of a low or a high level."""
     return {"color": look.receivers[high], "ls": LINES[high], "marker": "os"[high]}
 
 
@@ -303,7 +304,7 @@ def _key(panel: Axes, factor: str, levels: Sequence[float], look: Theme) -> None
 
 
 def _short(term: str) -> str:
-    """Long terms in two lines."""
+    """A term, in two lines if it is long."""
     if len(term) <= LONGEST_TERM:
         return term
     return term.replace(INTERACTION_SIGN, f"{INTERACTION_SIGN.rstrip()}\n", 1)

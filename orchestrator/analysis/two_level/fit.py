@@ -1,6 +1,6 @@
-"""Least squares, and how uncertain its coefficients are.
+"""Least squares, and the uncertainty of its coefficients.
 
-The uncertainty has three sources; see `sblcosim.analysis.two_level.analysis`.
+There are three methods for the uncertainty; see `sblcosim.analysis.two_level.analysis`.
 """
 
 from __future__ import annotations
@@ -28,35 +28,36 @@ from .noise import (
 )
 
 ALONE = 1e-9
-"""Least 1 − leverage of a run that can be predicted: its own term does not follow it."""
+"""Smallest 1 − leverage of a predictable run; below it, the model follows this run alone."""
 
 
 @dataclass(frozen=True, eq=False)
 class LeastSquares:
-    """The model fitted to the runs, by way of the means of their points.
+    """The model fitted to the runs, from the means of their points.
 
     Attributes
     ----------
     y
-        Response of each run, less its centre.
+        Response of each run minus the centre.
     centre
-        What all responses have in common; see `sblcosim.analysis.common.centred`.
+        The constant that is subtracted from all responses; see `sblcosim.analysis.common.centred`.
     point_of_run
         Index of each run's point.
     fitted
-        At each point, less the centre.
+        Fitted value at each point minus the centre.
     coefficients
-        Of the mean (less the centre), the terms, and the centre points if there are any.
+        Coefficients of the mean (minus the centre), the terms, and the centre points if there are
+        any.
     variances
-        Of the coefficients, for runs with a variance of 1.
+        Variances of the coefficients for runs with a variance of 1.
     leverage
-        Of a run of each point: the diagonal of the hat matrix.
+        Leverage of a run of each point: the diagonal of the hat matrix.
     pure, lack
-        Sums of squares of the runs about their points' means, and of these about the model.
+        Sums of squares of the runs about their points' means, and of these means about the model.
     spare
         Degrees of freedom about the model.
     least
-        Responses below it are rounding noise.
+        Smaller responses are rounding noise.
     """
 
     y: Floats
@@ -78,7 +79,7 @@ class LeastSquares:
 
     @property
     def residual(self) -> Floats:
-        """Of each run: its response less the fitted one."""
+        """Response of each run minus the fitted response."""
         return self.y - self.fitted[self.point_of_run]
 
     @cached_property
@@ -88,7 +89,7 @@ class LeastSquares:
 
     @property
     def rmse(self) -> float:
-        """Root of the residual mean square; NaN if nothing is left for it."""
+        """Residual standard deviation; NaN if no degrees of freedom are left."""
         if not self.spare:
             return np.nan
         return float(cleared(np.sqrt(self.ssr / self.spare), self.least))
@@ -96,7 +97,7 @@ class LeastSquares:
 
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
-    """Of the coefficients, and the tests of the model.
+    """Uncertainty of the coefficients, and tests of the model.
 
     Attributes
     ----------
@@ -105,7 +106,7 @@ class Uncertainty:
     errors
         Standard errors of the coefficients.
     residual
-        Of each run; with common random numbers less the replicates' means.
+        Residual of each run; with common random numbers, minus the replicates' means.
     blocks
         Degrees of freedom of the replicates' means.
     """
@@ -126,8 +127,8 @@ class Uncertainty:
 def least_squares(response: Centred, model: TwoLevelModel) -> LeastSquares:
     """Fit a model to the response.
 
-    The means of the points, weighted by their numbers of runs, have the coefficients of the runs
-    (Montgomery, section 3.3): the runs of a point are alike in the model.
+    The means of the points, weighted by their numbers of runs, give the same coefficients as the
+    runs (Montgomery, section 3.3), because the model does not distinguish the runs of a point.
     """
     from statsmodels.regression.linear_model import OLS  # slow to import
 
@@ -152,7 +153,7 @@ def least_squares(response: Centred, model: TwoLevelModel) -> LeastSquares:
 
 
 def from_runs(fit: LeastSquares, model: TwoLevelModel, options: Options) -> Uncertainty:
-    """From runs that each have noise of their own."""
+    """Uncertainty from runs that each have noise of their own."""
     y, least = fit.y, fit.least
     pure, pure_df = fit.pure, len(y) - len(model.points)
     error: Error = "pure" if options.error == "pure" and pure_df else "residual"
@@ -189,7 +190,7 @@ def from_runs(fit: LeastSquares, model: TwoLevelModel, options: Options) -> Unce
 def from_replicates(
     fit: LeastSquares, model: TwoLevelModel, replicate: pd.Series[float]
 ) -> Uncertainty:
-    """From replicates whose runs share their noise; `replicate` is that of each run."""
+    """Uncertainty from replicates whose runs share their noise; `replicate` has each run's."""
     y, points = fit.y, len(model.points)
     number = len(y) // points
     if number < 2:
@@ -225,7 +226,7 @@ def from_replicates(
 
 
 def curvature(fit: LeastSquares, uncertainty: Uncertainty, model: TwoLevelModel) -> FTest | None:
-    """Test of the centre points against the mean of the others; None without them."""
+    """Test of the centre points against the mean of the other points; None without them."""
     coefficient, error = fit.coefficients[-1], uncertainty.errors[-1]
     testable = model.centre.any() and uncertainty.method != "lenth"
     if not testable or not (coefficient or error):
@@ -241,7 +242,7 @@ def curvature(fit: LeastSquares, uncertainty: Uncertainty, model: TwoLevelModel)
 def residual_table(
     fit: LeastSquares, uncertainty: Uncertainty, run_order: pd.Series[int] | None
 ) -> pd.DataFrame:
-    """One row per run; a missing run order is drawn, the same every time."""
+    """One row per run. A missing run order is drawn, the same every time."""
     residual, spare = uncertainty.residual, fit.spare
     ssr = float((residual**2).sum())
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -1,4 +1,4 @@
-"""How much of the response is noise: pure error, lack of fit, and Lenth's method."""
+"""The noise of a response: pure error, lack of fit, and Lenth's method."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ class FTest:
     Attributes
     ----------
     estimate
-        Estimate of the tested quantity if it is a single number; else NaN.
+        Estimate of the tested quantity if it is a single number; otherwise NaN.
     ss
-        Its sum of squares.
+        Sum of squares of the tested quantity.
     df, df_error
-        Degrees of freedom; not whole numbers where they are corrected.
+        Degrees of freedom; corrected ones are not whole numbers.
     f, p
         Statistic, and probability of a larger one under the null hypothesis.
     """
@@ -42,7 +42,7 @@ class FTest:
 class Lenth:
     """Lenth's pseudo standard error, margin of error and simultaneous margin of error.
 
-    All in units of an effect; `df` belongs to the margins.
+    All have the unit of an effect; `df` belongs to the margins.
     """
 
     pse: float
@@ -52,7 +52,7 @@ class Lenth:
 
 
 def lenth(effects: Floats, confidence: float = 0.95) -> Lenth:
-    """Lenth's pseudo standard error, from effects that are mostly noise.
+    """Lenth's pseudo standard error and margins, from effects that are mostly noise.
 
     s₀ = 1.5 median|c|, PSE = 1.5 median of those |c| below 2.5 s₀, ME = t(1−α/2, m/3) PSE and
     SME = t(γ, m/3) PSE with γ = (1 + (1−α)^(1/m))/2 for m effects c.
@@ -70,7 +70,7 @@ def lenth(effects: Floats, confidence: float = 0.95) -> Lenth:
             "terms and no run to spare"
         )
     s0 = 1.5 * np.median(size)
-    # If several effects are exactly zero, so may be s0; then they alone count as small.
+    # If several effects are exactly zero, s0 may be zero, too. Then only these count as small.
     small = size[size < 2.5 * s0] if s0 > 0 else size[size == 0]
     pse = 1.5 * float(np.median(small))
     df = m / 3
@@ -80,7 +80,7 @@ def lenth(effects: Floats, confidence: float = 0.95) -> Lenth:
 
 
 def cleared(values: Any, least: float) -> Floats:
-    """The values, with zero for rounding noise."""
+    """The values, with zeros for rounding noise."""
     return np.where(np.abs(values) < least, 0.0, values)
 
 
@@ -90,9 +90,9 @@ def pure_error(y: Floats, point_of_run: NDArray[np.intp]) -> float:
 
 
 def lack_of_fit(pure: float, df_error: int, df: int, lack: float, least: float) -> FTest | None:
-    """Scatter of the points' means about the model, against that of the runs about the means.
+    """Test the scatter of the points' means about the model against that of the runs about them.
 
-    Both are sums of squares; below `least` they are rounding noise.
+    Both are sums of squares; smaller values than `least` are rounding noise.
     """
     if df <= 0 or df_error <= 0:
         return None
@@ -104,7 +104,7 @@ def lack_of_fit(pure: float, df_error: int, df: int, lack: float, least: float) 
 
 
 def lack_over_replicates(by_replicate: Floats, x: Floats, least: float) -> FTest | None:
-    """Lack of fit for correlated runs: the contrasts that the model leaves out, by replicate.
+    """Lack of fit for correlated runs, from the contrasts that the model leaves out, by replicate.
 
     A repeated-measures F test with Greenhouse and Geisser's ε = tr(S)² / (m tr(S²)), where S is
     the covariance of the m contrasts over the replicates.

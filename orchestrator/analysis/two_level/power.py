@@ -1,4 +1,4 @@
-"""How small an effect an experiment can detect."""
+"""The smallest effect that an experiment can detect."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from .analysis import Factorial
 def detectable(analysis: Factorial, power: float = 0.8) -> pd.Series[float]:
     """Smallest true effect of each term that the experiment detects with the given probability.
 
-    From the noncentral t distribution, two-sided at the level of the analysis, with its standard
-    errors. In units of the effects.
+    The noncentral t distribution gives it, two-sided at the level of the analysis, with its
+    standard errors and in units of the effects.
     """
     if not 0.5 <= power < 1:
         raise ConfigurationError(f"power: must be from 0.5 to below 1, got {power}")

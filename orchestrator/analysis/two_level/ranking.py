@@ -1,4 +1,4 @@
-"""Which effects are the largest, and which of them cannot be told apart."""
+"""Ranks of effects by size, with ties for effects that cannot be told apart."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def tied(analysis: Factorial, one: str, other: str) -> bool:
 
 
 def tied_groups(analysis: Factorial, names: list[str]) -> list[list[str]]:
-    """Terms, the largest first, in groups that cannot be told from their first one."""
+    """Terms, the largest first, in groups that cannot be told apart from their first term."""
     groups = []
     while names:
         groups.append([n for n in names if n == names[0] or tied(analysis, names[0], n)])
@@ -29,7 +29,7 @@ def tied_groups(analysis: Factorial, names: list[str]) -> list[list[str]]:
 
 
 def ranking(analysis: Factorial) -> dict[str, str]:
-    """Rank of each main effect by its size; those that cannot be told apart share their ranks."""
+    """Rank of each main effect by its size. Effects that cannot be told apart share their ranks."""
     ranked = analysis.ranked()
     ranks: dict[str, str] = {}
     for same in tied_groups(analysis, [str(n) for n in ranked.index[ranked["order"] == 1]]):

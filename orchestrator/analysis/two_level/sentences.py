@@ -1,4 +1,4 @@
-"""What an analysis says, in words and in numbers for people to read."""
+"""Sentences and printed tables of a two-level analysis."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ def summary(
     Parameters
     ----------
     column
-        Of the response, where the analysis has its words.
+        Column of the response, if the analysis has its label.
     verbose
-        With standard errors, t and p, and how it was analysed.
+        Add standard errors, t and p, and the method.
     width
         Columns to fit into; None: sentences are not wrapped.
     """
@@ -50,7 +50,8 @@ def summary(
         f"Effects on {analysis.quantity}, {percent(analysis.confidence, '.4g')} intervals:",
         *table(rows, width, ("", *map(EFFECTS.head, columns)), range(1, len(columns) + 1)),
         *([f"and {rest} smaller"] if rest else []),
-        *(["undecided: the interval reaches to both sides of what matters; more runs decide"]
+        *(["undecided: the interval includes effects that matter and effects that do not; more "
+           "runs decide"]
           if "verdict" in shown and (shown["verdict"] == "undecided").any() else []),
         *(["", *notes(analysis)] if verbose else
           left_out(analysis.dropped, analysis.seeding == "common")),
@@ -60,11 +61,11 @@ def summary(
 
 
 def answer(analysis: Factorial, most: int = 3) -> str:
-    """What matters, in a few sentences: the largest main effects and the largest interaction.
+    """The effects that matter, in a few sentences: the largest main effects and interaction.
 
-    A factor is named from its worse to its better level: less of the response counts as better.
-    Factors whose effects cannot be told apart share a rank; ranks are named until there are
-    `most` factors.
+    Each factor is named from its worse to its better level. A smaller response counts as better.
+    Factors whose effects cannot be told apart share a rank. Ranks are named until there are `most`
+    factors.
     """
     a = analysis
     ranked = a.ranked()
@@ -72,12 +73,12 @@ def answer(analysis: Factorial, most: int = 3) -> str:
     what = {"none": "", "log": "geometric mean of the ", "spread": "spread of the "}[a.transform]
     what = f"the {what}{a.response}"
     if not worth.any():
-        return f"No effect on {what} can be told from noise."
+        return f"No effect on {what} can be told apart from noise."
     if "verdict" in ranked:
         worth &= ranked["verdict"] != "too small"
         if not worth.any():
-            return (f"No effect on {what} is large enough to matter: those that can be told from "
-                    f"noise are smaller than {limit_of(a)}.")
+            return (f"No effect on {what} is large enough to matter: those that can be told apart "
+                    f"from noise are smaller than {limit_of(a)}.")
     single, several = ranked[worth & (ranked["order"] == 1)], ranked[worth & (ranked["order"] > 1)]
     method = " by Lenth's method" if a.lenth else ""
     level = f"{percent(a.confidence, '.4g')} interval{method}"
@@ -101,7 +102,7 @@ def answer(analysis: Factorial, most: int = 3) -> str:
         falls = f"{what[0].upper()}{what[1:]} falls{' most' if len(a.factors) > 1 else ''}"
         sentences = [f"{falls} with {'; then with '.join(parts)}."]
     else:
-        sentences = [f"No factor alone changes {what} surely."]
+        sentences = [f"No single factor surely changes {what}."]
     if len(several):
         name = str(several.index[0])
         named.append(name)
@@ -112,8 +113,8 @@ def answer(analysis: Factorial, most: int = 3) -> str:
                if name in a.aliases]
     if same_as:
         sentences.append(
-            "This holds as far as interactions that are not in the model may be neglected: the "
-            f"design points cannot tell {'; '.join(same_as)}."
+            "This holds if interactions that are not in the model are negligible: the design "
+            f"points cannot tell {'; '.join(same_as)}."
         )
     elif len(a.factors) > 1 and max(map(len, a.terms)) == 1:
         sentences.append("Interactions are not in the model.")
@@ -135,7 +136,7 @@ def _worse_to_better(analysis: Factorial, name: str) -> str:
 
 
 def _reach(analysis: Factorial, name: str) -> tuple[str, str]:
-    """How much the response falls at the better level, and the interval."""
+    """The decrease of the response at the better level, and its interval."""
     row: Any = analysis.effects.loc[name]
     ends = sorted(np.sign(row.effect) * np.array([row.low, row.high]))
     if analysis.transform != "none":
@@ -160,11 +161,11 @@ def notes(analysis: Factorial) -> list[str]:
     how = {
         "ols": "ordinary least squares, errors from the "
         + ("scatter between replicates (pure error)" if a.error == "pure" else
-           "scatter about the model (residual, lack of fit in it)")
+           "scatter about the model (residual, with its lack of fit)")
         + f", {a.df:g} degrees of freedom",
-        "replicates": f"effects of each of {a.df + 1:g} replicates and their scatter, for the "
+        "replicates": f"effects in each of {a.df + 1:g} replicates and their scatter, because the "
         "runs of a replicate share their noise",
-        "lenth": "Lenth's pseudo standard error, for nothing is left to estimate the error from",
+        "lenth": "Lenth's pseudo standard error, because no run is left to estimate the error from",
     }[a.method]
     lines = [
         f"{a.runs} {'values' if a.transform == 'spread' else 'runs'} at {points} points, "
@@ -175,21 +176,22 @@ def notes(analysis: Factorial) -> list[str]:
         known = np.isfinite(a.r2_predicted)
         predicted = f", predicted {percent(a.r2_predicted, '.2f')}" if known else ""
         lines.append(f"R² {percent(a.r2, '.2f')}, adjusted {percent(a.r2_adjusted, '.2f')}"
-                     f"{predicted}; root of the residual mean square {a.rmse:.4g}"
-                     + (", of the jackknife's values." if a.transform == "spread"
+                     f"{predicted}; residual standard deviation {a.rmse:.4g}"
+                     + (" of the jackknife values." if a.transform == "spread"
                         and a.seeding == "common" else "."))
     if a.lenth is not None:
         unit = f" {a.unit}" if a.unit else ""
         lines.append(
-            f"Lenth: pseudo standard error {a.lenth.pse:.4g}{unit}; an effect is significant from "
-            f"{a.lenth.me:.4g}{unit} on, the largest of all from {a.lenth.sme:.4g}{unit} on."
+            f"Lenth: the pseudo standard error is {a.lenth.pse:.4g}{unit}. A single effect is "
+            f"significant above {a.lenth.me:.4g}{unit}, the largest of all above "
+            f"{a.lenth.sme:.4g}{unit}."
         )
     for word, test in (("Lack of fit", a.lack_of_fit), ("Curvature", a.curvature)):
         if test is not None:
             lines.append(f"{word}: F({test.df:.4g}, {test.df_error:.4g}) = {test.f:.4g}, "
                          f"p {p_value(test.p) if test.p < 1e-300 else f'= {p_value(test.p)}'}.")
     if a.practical is not None:
-        lines.append(f"An effect matters from {limit_of(a)} on, its whole interval beyond it.")
+        lines.append(f"An effect matters if its whole interval lies beyond {limit_of(a)}.")
     if a.reduced:
         lines.append("Main effects only: the design points cannot tell the interactions of two "
                      "factors apart.")

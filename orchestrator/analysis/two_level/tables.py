@@ -14,21 +14,21 @@ EFFECTS = Columns(
     (),
     (
         TERM,
-        TableColumn("order", "Number of its factors.", type=int),
+        TableColumn("order", "Number of factors in the term.", type=int),
         TableColumn("coefficient", "Half the effect.", in_json=False),
         TableColumn("effect", "The change.", heading="effect"),
-        TableColumn("std_error", "Its standard error.", heading="std_error"),
-        TableColumn("low", "Of the confidence interval.", heading="low"),
-        TableColumn("high", "Of the confidence interval.", heading="high"),
+        TableColumn("std_error", "Standard error of the effect.", heading="std_error"),
+        TableColumn("low", "Lower end of the confidence interval.", heading="low"),
+        TableColumn("high", "Upper end of the confidence interval.", heading="high"),
         TableColumn("t", "Effect over its standard error.", heading="t"),
-        TableColumn("p", "Of the test that there is no effect.", heading="p"),
-        TableColumn("share", "Of the total sum of squares.", heading="share"),
-        TableColumn("significant", "Whether it can be told from noise.", type=bool),
-        TableColumn("ratio", "High over low, for logarithms; null otherwise, as its interval.",
-                    heading="ratio", sometimes=True),
-        TableColumn("ratio_low", "Of the confidence interval.", sometimes=True),
-        TableColumn("ratio_high", "Of the confidence interval.", sometimes=True),
-        TableColumn("verdict", "With --practical.", heading="verdict",
+        TableColumn("p", "Probability of the test that there is no effect.", heading="p"),
+        TableColumn("share", "Share of the total sum of squares.", heading="share"),
+        TableColumn("significant", "Whether it can be told apart from noise.", type=bool),
+        TableColumn("ratio", "Ratio of high to low, for logarithms; otherwise null, like its "
+                    "interval.", heading="ratio", sometimes=True),
+        TableColumn("ratio_low", "Lower end of the ratio's interval.", sometimes=True),
+        TableColumn("ratio_high", "Upper end of the ratio's interval.", sometimes=True),
+        TableColumn("verdict", "Verdict by the option --practical.", heading="verdict",
                     type=Literal["matters", "too small", "undecided"] | None, sometimes=True),
     ),
 )  # fmt: skip
@@ -37,12 +37,12 @@ ANOVA = Columns(
     "A source of the variance of a two-level design.",
     (),
     (
-        TableColumn("source", "A term, or what is left.", type=str),
+        TableColumn("source", "A term of the model, a residual, or the total.", type=str),
         TableColumn("ss", "Sum of squares."),
         TableColumn("df", "Degrees of freedom."),
         TableColumn("ms", "Mean square."),
-        TableColumn("f", "Of the test against the error."),
-        TableColumn("p", "Of this test."),
+        TableColumn("f", "Statistic of the test against the error."),
+        TableColumn("p", "Probability of this test."),
     ),
 )
 _ROW = TableColumn("index", "Number of the row.", type=int, in_json=False)
@@ -52,10 +52,10 @@ MAIN_EFFECTS = Columns(
     (),
     (
         _ROW,
-        TableColumn("factor", "Its name.", type=str),
-        TableColumn("level", "Which.", type=Literal["low", "high"]),
-        TableColumn("value", "Of the level."),
-        TableColumn("mean", "Of the response."),
+        TableColumn("factor", "Name of the factor.", type=str),
+        TableColumn("level", "Side of the level.", type=Literal["low", "high"]),
+        TableColumn("value", "Value of the level."),
+        TableColumn("mean", "Mean of the response."),
     ),
 )
 INTERACTIONS = Columns(
@@ -65,9 +65,9 @@ INTERACTIONS = Columns(
     (
         _ROW,
         TableColumn("first", "Name of a factor.", type=str),
-        TableColumn("second", "Name of the other.", type=str),
-        TableColumn("first_value", "Level of the first."),
-        TableColumn("second_value", "Level of the other."),
-        TableColumn("mean", "Of the response."),
+        TableColumn("second", "Name of the other factor.", type=str),
+        TableColumn("first_value", "Level of the first factor."),
+        TableColumn("second_value", "Level of the other factor."),
+        TableColumn("mean", "Mean of the response."),
     ),
 )

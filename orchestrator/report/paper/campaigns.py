@@ -1,7 +1,7 @@
-"""The campaigns behind `sblcosim paper`: which studies, points and sessions are run, and where.
+"""The campaigns of `sblcosim paper`: its studies, points and sessions, and their folders.
 
-The paper's three factorial studies, the same ranges as spaces, the favourable point of each
-scenario, and the sessions of its Table 2. Each campaign is a study with a folder of its own.
+They are the paper's three factorial studies, the same ranges as spaces, the favourable point of
+each scenario, and the sessions of its Table 2. Each campaign is a study with a folder of its own.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ from ...words.shares import percent
 from .ranges import spaces
 
 Progress = Callable[[float, str], None]
-"""Takes the share that is done, and a word for what is being done."""
+"""Function of the finished share and of a word for the current task."""
 SCENARIOS = (1, 2, 3)
 SEAS = (2, 4)
 """Beaufort numbers of Figure 9."""
 SESSIONS = ("square", "spiral", "random")
 RUNS, PAGES = "runs", "report"
-"""Folders below the one of the command."""
+"""Folders within the folder of the command."""
 REPLICATES, QUICK_REPLICATES = 50, 5
 SESSION_RUNS, QUICK_SESSION_RUNS = 500, 100
 POINT_RUNS = 50
@@ -49,7 +49,7 @@ FAVOURABLE: dict[str, dict[str, float]] = {
     "acoustics": {"range_std_m": 0.1, "loss_probability": 0.0},
     "receiver": {"acceleration_psd_m2_s3": 0.1},
 }
-"""The design point that fits the paper's Table 4, with what else was changed of the preset."""
+"""The design point that fits the paper's Table 4, and the other changes to the preset."""
 
 
 @cache
@@ -77,7 +77,7 @@ def all_campaigns(quick: bool = False) -> dict[str, Study]:
 
 
 def favourable_in_words() -> str:
-    """The favourable point, and what the preset has instead."""
+    """The favourable point in words, and the preset's values."""
     point = load_scenario("paper-scenario-1", FAVOURABLE.items())
     preset = load_scenario("paper-scenario-1")
     return (
@@ -88,13 +88,13 @@ def favourable_in_words() -> str:
 
 
 def sessions_in_words() -> str:
-    """The settings of the sessions in the harbour."""
+    """The settings of the sessions in the harbour, in words."""
     session = load_scenario("harbour-square")
     platform, target = session.platform, session.target
     return (
-        f"GPS error that varies slowly (Gauss–Markov, {platform.gps_horizontal_markov_std_m:g} m "
+        f"slow GPS error (Gauss–Markov, {platform.gps_horizontal_markov_std_m:g} m "
         f"per horizontal axis, {platform.gps_correlation_time_s:g} s), {_sensors(session)}, wave "
-        f"angles of {platform.roll_amplitude_deg:g}°, R of variances, process noise "
+        f"angles of {platform.roll_amplitude_deg:g}°, variances in R, process noise "
         f"{session.receiver.acceleration_psd_m2_s3:g} m²/s³, speed {target.speed_m_s:g} m/s, "
         f"depth {target.depth_start_m:g} m"
     )
@@ -111,12 +111,12 @@ def _sensors(scenario: Any) -> str:
 
 
 def check(folder: Path) -> None:
-    """Refuse a folder with something else in it, or that cannot be written to.
+    """Refuse a folder that holds something else or cannot be written to.
 
     Raises
     ------
     ConfigurationError
-        So it is.
+        The folder is such a folder.
     """
     if folder.is_dir():
         foreign = sorted(
@@ -145,12 +145,12 @@ def check(folder: Path) -> None:
 
 
 def runs_of(study: Study) -> int:
-    """The number of its runs."""
+    """The number of runs of a study."""
     return len(study.points.values) * study.replicates
 
 
 def progress_of(out: str | Path, quick: bool = False) -> tuple[int, int]:
-    """Finished runs, and runs in all."""
+    """The number of finished runs, and of all runs."""
     folder = resolved(out) / RUNS
     runs = {name: runs_of(study) for name, study in all_campaigns(quick).items()}
     done = sum(min(len(store.finished(folder / name)), number) for name, number in runs.items())
@@ -160,7 +160,7 @@ def progress_of(out: str | Path, quick: bool = False) -> tuple[int, int]:
 def simulate(
     folder: Path, studies: Mapping[str, Study], workers: int | None, tell: Progress
 ) -> dict[str, pd.DataFrame]:
-    """Do the missing runs of all campaigns; the tables by the names of the campaigns."""
+    """Do the missing runs of all campaigns; returns the tables by the names of the campaigns."""
     total = sum(map(runs_of, studies.values()))
     tables, passed = {}, 0
     for name, study in studies.items():
@@ -175,6 +175,6 @@ def simulate(
 
 
 def sea(beaufort: int) -> Record:
-    """The platform in a sea of the shipped table of waves."""
+    """The platform in a sea with a Beaufort number."""
     changes = {"platform.beaufort": beaufort, "time.duration_s": INCLINATION_WINDOW_S}
     return run_scenario("harbour-square", overrides=changes.items()).record

@@ -1,4 +1,4 @@
-"""The paper's numbers beside ours, as tables: of the report, and of the gallery (`beside`)."""
+"""The paper's numbers beside ours, as tables for the report and for the gallery (`beside`)."""
 
 from __future__ import annotations
 
@@ -53,13 +53,13 @@ def row(what: str, theirs: float, ours: float, interval: str = "–") -> Row:
 
 
 def row_with_interval(what: str, theirs: float, ours: tuple[float, float, float]) -> Row:
-    """As `row`; ours is a mean and its interval."""
+    """Like `row`, with an interval; ours is a mean and its interval."""
     mean, low, high = ours
     return row(what, theirs, mean, interval(low, high, number))
 
 
 def compared(caption: str, rows: Sequence[Row], note: str = "") -> PageTable:
-    """The paper's numbers and ours; without intervals if there are none."""
+    """A table of the paper's numbers and ours, without intervals if there are none."""
     head: Sequence[str] = HEAD
     if all(cells[3] == "–" for cells in rows):
         rows, head = [(*cells[:3], *cells[4:]) for cells in rows], (*HEAD[:3], *HEAD[4:])
@@ -186,7 +186,7 @@ def _column(axis: str) -> str:
 
 
 def order_row(n: int, analysis: Factorial) -> Row:
-    """The paper's most influential factors and ours, in words."""
+    """The most influential factors in the paper and in our runs, in words."""
     named = _named(n, analysis)
     ranks = ranking(analysis.readable)
     groups: dict[str, list[str]] = {}
@@ -204,7 +204,7 @@ def order_row(n: int, analysis: Factorial) -> Row:
         return f"{n}", ", ".join(named), ", ".join(shown), f"differs: {missing} is further down"
     text = "agrees"
     if extra := [name for name in first if name not in named]:
-        text += f"; {', '.join(extra)} cannot be told from the last of them"
+        text += f"; {', '.join(extra)} cannot be told apart from the last of them"
     return f"{n}", ", ".join(named), ", ".join(shown), text
 
 
@@ -214,7 +214,7 @@ def _named(n: int, analysis: Factorial) -> list[str]:
 
 
 def factors(n: int, analysis: Factorial) -> PageTable:
-    """The factors that the paper names as the most influential, and the size of ours."""
+    """The factors that the paper names as the most influential, and our effects."""
     a, named = analysis.readable, _named(n, analysis)
     rows = []
     for name, rank in ranking(a).items():
@@ -222,7 +222,7 @@ def factors(n: int, analysis: Factorial) -> PageTable:
         rows.append((name, "named" if name in named else "–", rank, signed(effect["effect"]),
                      interval(effect["low"], effect["high"], signed), number(abs(effect["t"]))))
     return PageTable(
-        "Main effects: the most influential that the paper names, and the size of ours",
+        "Main effects: factors that the paper names as the most influential, and our effects",
         ("Factor", "Paper", "Our place", "Effect [m]", "95 % interval [m]", "|t|"), rows, (1,),
         f"Verdict: {order_row(n, analysis)[3]}. Where several factors share places, the sizes of "
         "their effects cannot be told apart. The paper prints no sizes.")

@@ -1,7 +1,7 @@
 """The figures of `sblcosim paper`: a row for each in `FIGURES`, and the functions behind the rows.
 
-To add a figure, write the function that draws it and its row. If the row has a label, the figure
-stands beside that figure of the paper; otherwise it is one of ours, at the end of its scenario.
+To add a figure, write the function that draws it, and its row. A row with a label stands for that
+figure of the paper. A row without a label is an additional figure of its scenario.
 """
 
 from __future__ import annotations
@@ -43,15 +43,15 @@ from .comparisons import compared, factors, row
 from .numbers import MEAN, TOTAL, PaperNumbers, facts_of_errors, facts_of_figure
 
 OPEN = (15, 12, 22, 19, 28, 25)
-"""Numbers of the figures that are open in the report: of each scenario the Pareto chart, beside the
-trajectory."""
+"""Numbers of the paper's figures that are open in the report: for each scenario, the Pareto chart
+beside the trajectory."""
 UNEVEN = 0.1
-"""Rank correlation of fit and size of the residual from which the scatter is uneven."""
+"""Rank correlation of fit and size of the residual above which the scatter is uneven."""
 
 
 @dataclass(frozen=True, eq=False)
 class Material:
-    """What the figures show.
+    """The data of the figures.
 
     Attributes
     ----------
@@ -75,7 +75,7 @@ def gather(folder: Path, numbers: PaperNumbers) -> Material:
     Parameters
     ----------
     folder
-        That of the campaigns.
+        Folder of the campaigns.
     """
 
     def first_of(campaign: str, table: pd.DataFrame) -> Result:
@@ -100,11 +100,11 @@ class PaperFigure(Figure[Material]):
     Attributes
     ----------
     scenario
-        None: of the harbour.
+        Number of the scenario; None for the harbour.
     label
-        Of the paper's figure, as ``12a``; empty if the paper has no such figure.
+        Label of the paper's figure, such as ``12a``; empty if the paper has no such figure.
     beside
-        What is said above the first drawing of a figure of the paper.
+        Function that makes the words below the figure.
     """
 
     scenario: int | None = None
@@ -151,8 +151,8 @@ def _sea_text(material: Material) -> list[Block]:
         angles = np.rad2deg(recorded(material.seas[beaufort], "platform.attitude"))
         roll, pitch, yaw = np.sqrt((angles**2).mean(axis=0))
         parts.append(f"Beaufort {beaufort}: roll {roll:.1f}°, pitch {pitch:.1f}°, yaw {yaw:.1f}°")
-    return [Text(f"Ours: RMS of the angles in {'; '.join(parts)}. The paper prints no angles: "
-                 "amplitudes, frequencies and phases of its waves are not given.")]
+    return [Text(f"Ours: RMS of the angles at {'; '.join(parts)}. The paper prints no angles, nor "
+                 "amplitudes, frequencies and phases of its waves.")]
 
 
 def _session(material: Material) -> tuple[Record, dict[str, pd.DataFrame]]:
@@ -163,7 +163,7 @@ def _session(material: Material) -> tuple[Record, dict[str, pd.DataFrame]]:
 def _session_text(material: Material) -> list[Block]:
     sessions = material.numbers.sessions["square"]
     square = sessions.iloc[0]
-    return [Text(f"Ours: session 1 of {len(sessions)}, a square, its mean total error "
+    return [Text(f"Ours: session 1 of {len(sessions)}, a square. Its mean total error is "
                  f"{square[f'ekf.{MEAN}']:.2f} m for the EKF (line) and "
                  f"{square[f'multilateration.{MEAN}']:.2f} m for the raw fix (dots). The paper "
                  "does not say which of its sessions it shows.")]
@@ -181,10 +181,10 @@ def _track(n: int, material: Material) -> tuple[Record, dict[str, pd.DataFrame]]
 
 
 _NOT_GIVEN = {
-    1: "Its centre and where it begins are not given.",
-    2: "Radius, turns and length are not given.",
-    3: "How it is drawn by lot is not given; ours has straight legs of random lengths and "
-    "directions.",
+    1: "The paper does not give its centre or its first point.",
+    2: "The paper does not give radius, turns and length.",
+    3: "The paper does not say how it draws its random path. Ours has straight legs of random "
+    "lengths and directions.",
 }
 
 
@@ -201,7 +201,7 @@ def _point_text(n: int, material: Material) -> list[Block]:
 def _errors_text(n: int, material: Material) -> list[Block]:
     table, theirs = facts_of_errors(n)
     ours = material.numbers.points[n].iloc[0][f"ekf.{TOTAL}"]
-    what = f"Table {table}, e_tot [m]; ours: RMS of this run"
+    what = f"Table {table}, e_tot [m]; ours: RMS error of this run"
     return [
         *_point_text(n, material),
         compared("Total error", [row(what, theirs["total"], ours)]),
@@ -229,8 +229,8 @@ def _interactions(n: int, findings: Findings) -> Block:
     names = several.index[several["significant"].astype(bool)]
     with_gps = [name for name in names if gps in str(name).split(INTERACTION_SIGN)]
     return Text(
-        f"Ours: the largest are {'; '.join(top)}. {gps} has {len(with_gps)} interactions that "
-        f"are significant. The paper prints no sizes."
+        f"Ours: the largest are {'; '.join(top)}. {gps} has {len(with_gps)} significant "
+        f"interactions. The paper prints no sizes."
     )
 
 
@@ -239,7 +239,7 @@ def _better_levels(n: int, findings: Findings) -> Block:
 
 
 def _residuals(n: int, findings: Findings) -> Block:
-    """What the residuals say about the model."""
+    """Residuals and fit of the model, in words."""
     a = findings.shown
     residuals = a.residuals
     skewness, kurtosis = (float(f(residuals["residual"])) for f in (stats.skew, stats.kurtosis))
@@ -250,9 +250,9 @@ def _residuals(n: int, findings: Findings) -> Block:
             f"skewness of the residuals {skewness:.2g}, excess kurtosis "
             f"{kurtosis:.2g} (normal: 0).")
     if residuals["fit"].corr(residuals["residual"].abs(), method="spearman") > UNEVEN:
-        text += (" They scatter more where the fitted value is larger, so that the intervals in "
-                 "metres are an average over the points; the ratios below, from the logarithm, "
-                 "suffer less from it.")
+        text += (" The residuals scatter more where the fitted value is larger, so the intervals "
+                 "in metres are an average over the points. The ratios below come from the "
+                 "logarithm and suffer less from it.")
     return Text(unbroken(text))
 
 
@@ -290,7 +290,7 @@ def _of_point(
 def _of_study(
     n: int, kind: str, label: str = "", beside: Callable[[int, Findings], Block] | None = None
 ) -> PaperFigure:
-    """A drawing of the study of a scenario: a row of `two_level_figures.FIGURES`."""
+    """A drawing of a scenario's study: a row of `two_level_figures.FIGURES`."""
     figure = STUDY_FIGURES[kind]
     prefix = f"Ours, as Figure {label}: " if label else ""
 
@@ -311,7 +311,7 @@ def _of_study(
 
 
 FIGURES: Mapping[str, PaperFigure] = by_name(
-    # drawn in this order: the slow ones first
+    # drawn in this order, the slow ones first
     _of_study(1, "interactions", "16", _interactions),
     _of_study(1, "residuals", "18", _residuals),
     _of_study(1, "pareto", "15", _factors),
@@ -348,7 +348,7 @@ FIGURES: Mapping[str, PaperFigure] = by_name(
 
 @contextmanager
 def painters(workers: int | None) -> Iterator[Executor | None]:
-    """Processes that draw, started early because that takes a second or two; None for one core."""
+    """Processes that draw; None on one core. They start early, as that takes a second or two."""
     count = min(workers or os.cpu_count() or 1, 4)
     if count == 1:
         yield None

@@ -27,13 +27,13 @@ TOTAL, MEAN = "absolute_total_rms_m", "absolute_total_mean_m"
 
 @cache
 def facts() -> dict[str, Any]:
-    """What the paper states."""
+    """All facts that the paper states."""
     text = (resources.files(__package__) / "paper.toml").read_text("utf-8")
     return tomllib.loads(text)
 
 
 def facts_of_figure(number: int) -> Mapping[str, Any]:
-    """What the paper says of a figure."""
+    """The facts that the paper states about a figure."""
     figures: list[Mapping[str, Any]] = facts()["figure"]
     return next(figure for figure in figures if figure["number"] == number)
 
@@ -89,7 +89,7 @@ def pooled(table: pd.DataFrame, receiver: str) -> tuple[float, float]:
 def pooled_intervals(
     table: pd.DataFrame, receiver: str
 ) -> tuple[tuple[float, float], tuple[float, float]]:
-    """95 % intervals of what `pooled` gives, from the scatter between runs (the jackknife)."""
+    """95 % intervals of the values of `pooled`, from the scatter between runs (the jackknife)."""
     weight = table[f"{receiver}.estimates"].to_numpy(np.float64)
     sums = np.stack([
         weight,

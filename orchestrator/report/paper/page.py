@@ -1,7 +1,7 @@
 """The paper beside our results: `sblcosim paper`.
 
-Runs the paper's three factorial studies, the sessions of its Table 2 and the favourable point that
-fits its Table 4, analyses them, and writes one report with each of the paper's Tables 2 and 4 to 6
+It runs the paper's three factorial studies, the sessions of its Table 2 and the favourable point
+that fits its Table 4. It analyses them, and writes one report with the paper's Tables 2 and 4 to 6
 and its Figures 9 and 11 to 30. The numbers of the paper are in ``paper.toml``.
 """
 
@@ -80,11 +80,11 @@ class PaperReport(Shown):
     report
         The HTML file.
     page
-        Its content.
+        The content of the file.
     answers
         A sentence for each scenario.
     seconds
-        Where the time went.
+        Processing time of each step [s].
     """
 
     report: Path
@@ -115,24 +115,24 @@ def run(
     Parameters
     ----------
     out
-        Folder; one of an earlier call is completed.
+        Folder. The folder of an earlier call is completed.
     quick
-        Few replicates.
+        Do few replicates.
     practical
         Smallest effect that matters [m].
     workers
-        For simulations and figures; default: all cores.
+        Number of workers for simulations and figures; default: all cores.
     command
         The command line, for the report.
     progress
-        Called with the share that is done, and a word for what is being done.
+        Function that is called with the finished share and a word for the current task.
     started
-        When the command was started, as `time.perf_counter` counts, for where the time went.
+        Start of the command on the clock `time.perf_counter`, to include the start-up time.
 
     Raises
     ------
     ConfigurationError
-        The folder is not one of ours or cannot be written to, or a number is out of range.
+        The folder holds something else or cannot be written to, or a number is out of range.
     """
     folder = resolved(out)
     check(folder)
@@ -185,8 +185,8 @@ def _page(
     lead = (
         f"{facts()['citation']}. Its three factorial studies, its tables and its figures, beside "
         f"ours: {runs:,} runs of the studies with {numbers.studies[1].replicates} replicates (the "
-        f"paper: {facts()['study']['replicates']}), {len(numbers.sessions['square'])} sessions of "
-        "each of the three paths of Table 2."
+        f"paper: {facts()['study']['replicates']}), and {len(numbers.sessions['square'])} sessions "
+        "on each of the three paths of Table 2."
     )
     sections = [
         Section("Summary", "summary", _summary(numbers, quick)),
@@ -205,8 +205,8 @@ def _page(
 def _summary(numbers: PaperNumbers, quick: bool) -> list[Block]:
     blocks: list[Block] = []
     if quick:
-        blocks.append(Text("A quick look with few replicates: intervals are wide, and some factors "
-                           "cannot be told apart that can be without --quick.", "note"))
+        blocks.append(Text("This is a quick look with few replicates. Intervals are wide. Without "
+                           "--quick, more factors can be told apart.", "note"))
     for n, text in _answers(numbers).items():
         blocks.append(Text(unbroken(f"Scenario {n}. {text}"), "answer"))
     rows: list[Row] = []
@@ -234,9 +234,8 @@ def _harbour(numbers: PaperNumbers) -> list[Block]:
         Text("The paper gives sea state, depth, loss and sound speed of its sessions. We chose the "
              f"other settings to come near its EKF rows: {sessions_in_words()}."),
         sessions(numbers.sessions),
-        Text("The EKF's errors are those of a GPS error that all beacons share and that varies "
-             "slowly: its standard deviation is half of its mean, as a two-dimensional Gaussian "
-             "error has it."),
+        Text("The EKF's errors come from a slow GPS error that all beacons share. Their standard "
+             "deviation is half of their mean, as for a two-dimensional Gaussian error."),
     ]
 
 
@@ -256,7 +255,7 @@ def _figures(
 def _figure(
     number: int, figures: Sequence[PaperFigure], material: Material, drawings: Mapping[str, str]
 ) -> Section:
-    """A figure of the paper: what the paper states, ours, and the drawings."""
+    """A figure of the paper: our drawings, the paper's facts, and ours."""
     known = facts_of_figure(number)
     text = f"In the paper (section {known['section']}): {known['shows']}."
     if "says" in known:
@@ -305,7 +304,7 @@ def _scenario(n: int, material: Material, drawings: Mapping[str, str]) -> Sectio
 
 
 def _errors(n: int, numbers: PaperNumbers) -> list[Block]:
-    """The scenario's table of errors beside the favourable point and the mean over all points."""
+    """The scenario's table of errors, beside the favourable point and the mean over all points."""
     return [
         Text("The paper calls them average values and does not say over what. They obey e_tot² = "
              "e_x² + e_y² + e_z², as RMS errors do. Ours are therefore RMS errors of a run, "
@@ -317,15 +316,15 @@ def _errors(n: int, numbers: PaperNumbers) -> list[Block]:
 
 
 def _possible(n: int) -> list[Block]:
-    """What is possible at the favourable point, from one run."""
+    """The possible error at the favourable point, from one run."""
     point = possible.of_scenario(load_scenario(f"paper-scenario-{n}", FAVOURABLE.items()))
     if point is None:
         return []
     absolute, relative = possible.cells(point)
-    return [Text(f"What is possible there, with the packets of one run: a total error of "
-                 f"{absolute} m, {relative} m relative to the platform (the posterior Cramér-Rao "
-                 f"recursion with the path's own density of acceleration, "
-                 f"{point.acceleration_psd:.2g} m²/s³: a yardstick).")]
+    return [Text(f"Possible there, with the packets of one run: a total error of {absolute} m, and "
+                 f"{relative} m relative to the platform. This is a yardstick: the posterior "
+                 f"Cramér-Rao recursion with the path's own density of acceleration, "
+                 f"{point.acceleration_psd:.2g} m²/s³.")]
 
 
 
@@ -337,15 +336,16 @@ def _method(numbers: PaperNumbers) -> list[Block]:
              f"{numbers.studies[1].replicates} replicates. The paper writes "
              f"{study['combinations_printed']} combinations, but its "
              f"{study['runs_per_scenario']:,} runs are {study['replicates']} × {points}."),
-        Text("Settings: the preset paper-literal, in the shipped scenarios paper-scenario-1 to 3, "
-             "where what the paper does not give is marked. It was fixed before any table was "
-             "compared, and nothing in it is tuned to the tables. The favourable point and the "
-             "harbour's settings are readings of Tables 4 and 2, said to be so where they stand."),
+        Text("Settings: the preset paper-literal, in the shipped scenarios paper-scenario-1 to 3. "
+             "Their files mark the values that the paper does not give. The preset was fixed "
+             "before any table was compared, and is not tuned to the tables. The favourable point "
+             "and the settings of the harbour are readings of Tables 4 and 2, and are marked as "
+             "such."),
         Text(method(numbers.findings[1].shown)), Text(DEFINITIONS),
-        Text("The model has all main effects and interactions of two factors. What matters in "
-             "practice is decided by whole intervals: an effect matters if its interval lies "
-             "beyond the smallest effect that matters, and is too small if it lies within."),
-        Text("Ratio: ours over the paper's. Numbers agree if they are within "
+        Text("The model has all main effects and interactions of two factors. Whole intervals "
+             "decide what matters in practice: an effect matters if its interval lies beyond the "
+             "smallest effect that matters, and is too small if its interval lies within."),
+        Text("Ratio: our number divided by the paper's. Numbers agree if they differ by at most "
              f"{percent(NEAR, '.0f')}."),
         factorial.factor_table(numbers.studies[1]),
     ]
@@ -353,8 +353,8 @@ def _method(numbers: PaperNumbers) -> list[Block]:
 
 def _again(numbers: PaperNumbers, folder: Path, command: str) -> Section:
     lines = [
-        f"Results of all runs are in the folder {RUNS}; the command goes on where it was "
-        "interrupted. Seeds: " + "; ".join(
+        f"The folder {RUNS} has the results of all runs. After an interruption, the same command "
+        "continues. Seeds: " + "; ".join(
             f"Scenario {n} {seeding(study)}" for n, study in numbers.studies.items()) + ".",
     ]
     fmus: dict[str, str] = {}

@@ -1,4 +1,4 @@
-"""The modern form of the paper's question: Sobol' indices over the continuous ranges of Table 3."""
+"""A modern form of the paper's question: Sobol' indices over the continuous ranges of Table 3."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from ..two_level import Findings
 
 BASE_ROWS, QUICK_BASE_ROWS = 256, 32
 SEED = 60001
-"""Of the first run of the first scenario; the others follow far enough."""
+"""The seeds of scenario n begin at this number plus 10,000 n."""
 
 
 def spaces(quick: bool, scenarios: Sequence[int]) -> dict[str, Study]:
-    """The factors of Table 3, each uniform between its two levels; by the names of the folders."""
+    """The factors of Table 3, each uniform between its two levels, by the names of the folders."""
     made = {}
     for n in scenarios:
         table = studies.load(f"paper-scenario-{n}")
@@ -42,7 +42,7 @@ def spaces(quick: bool, scenarios: Sequence[int]) -> dict[str, Study]:
 
 
 def indices(study: Study, table: pd.DataFrame) -> tuple[Sensitivity, ...]:
-    """Of the logarithm of the total error, and of whether the filter is lost."""
+    """Indices of the logarithm of the total error, and of whether the filter is lost."""
     return workflow.of_space(study, table)
 
 
@@ -66,11 +66,12 @@ def blocks(analyses: Sequence[Sensitivity], findings: Findings) -> list[Block]:
             "Total index", "95 % interval")
     return [
         Text(sentences.answer(main), "answer"),
-        PageTable("What explains the variance of the logarithm of the error over the whole ranges",
+        PageTable("Sources of the variance of the logarithm of the error over the whole ranges",
               head, rows, (),
               "The effects are those between the two levels. The indices are shares of the "
-              "variance with all seven factors uniform between their levels: first-order alone, "
-              "total with all interactions. The seed is one of the factors; its index is chance."),
+              "variance when all seven factors are uniform between their levels: the first-order "
+              "index without interactions, the total index with all of them. The seed is one of "
+              "the factors; its index is chance."),
         *(Text(line, "note") for one in analyses for line in sentences.notes(one)),
     ]  # fmt: skip
 

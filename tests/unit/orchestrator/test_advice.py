@@ -65,7 +65,7 @@ def test_an_estimate_within_the_limit_is_not_enough():
     only = table[table["gps"] == 3.5]
     nothing = advise(only, ["gps", "arm"], "error_m", COSTS, limit=mean + 0.01, **MEAN)
     assert nothing.chosen is None
-    assert "more replicates may decide it" in nothing.answer
+    assert "More replicates may decide it" in nothing.answer
 
 
 def test_bound_of_a_mean_of_two_values_is_clopper_and_pearson_s(seam):
@@ -112,9 +112,8 @@ def test_a_mean_takes_the_runs_that_would_have_shown_the_stated_contamination():
         assert np.isfinite(found.points["upper"]).all() == (n == 99)
     few = advise(table[: 8 * 50], "abc", "y", {}, limit=2, percentile=None)
     assert (
-        "Nothing sure can be said about the mean of y: if 5 % of the runs are bad ones, some point "
-        "may well have shown none. It takes 99 runs at each of the 8 points; there are 50, 49 are "
-        "missing."
+        "Nothing sure can be said about the mean of y: if 5 % of the runs are bad, some point may "
+        "have shown none. Each of the 8 points needs 99 runs. There are 50, so 49 are missing."
     ) in few.answer
     assert advise(table, "abc", "y", {}, percentile=None, contamination=0.1).runs_needed == 49
     assert advise(table, "abc", "y", {}, percentile=None, confidence=0.99).runs_needed == 131
@@ -133,7 +132,7 @@ def test_a_percentile_is_offered_first_and_the_mean_beside_it():
     start = "The cheapest point with a {} of error_m of at most 3.5: "
     assert first.startswith(start.format("90th percentile"))
     assert second.startswith(start.format("mean"))
-    counts = "Each run counts with one number, its error_m: means and percentiles"
+    counts = "Each run counts with one number, its error_m. Means and percentiles"
     assert counts in found.text(verbose=True)
     assert counts not in str(found)
 
@@ -151,7 +150,7 @@ def test_lost_runs_are_left_out_of_the_mean_and_have_a_bound_of_their_own():
     assert row["lost_upper"] == pytest.approx(exact)
     assert row["estimate"] == pytest.approx(table[point]["error_m"].iloc[2:].mean())
     assert row["meets"]
-    assert f"2 of 200 are, surely at most {100 * exact:.2g} %" in found.answer
+    assert f"2 of 200 are lost, surely at most {100 * exact:.2g} %" in found.answer
     # more of them than the statement is for
     table.loc[table.index[point][:12], "lost"] = 1.0
     found = advise(table, ["gps", "arm"], "error_m", COSTS, **options)
@@ -243,7 +242,7 @@ def test_percentile_without_enough_runs_says_how_many_it_needs():
     assert found.runs_needed == 86
     assert (
         "Nothing sure can be said about the 95th percentile of error_m: there are too few runs. "
-        "It takes 86 runs at each of the 4 points; there are 50, 36 are missing."
+        "Each of the 4 points needs 86 runs. There are 50, so 36 are missing."
     ) in str(found)
 
 
@@ -282,16 +281,16 @@ def test_advice_is_told_in_words():
     text = found.answer
     assert (
         "The cheapest point with a mean of error_m of at most 3.5 m: gps 3.5, arm 3, at a cost of "
-        "160; "
+        "160. It has "
     ) in text
     assert text in str(found).replace("\n", " ")
     assert "<table" in found._repr_html_()
     none = advise(experiment(), ["gps", "arm"], "error_m", COSTS, limit=0.1, **MEAN)
     text = none.answer
-    assert "No point is sure to have a mean of error_m of at most 0.1. The best has" in text
+    assert "No point surely has a mean of error_m of at most 0.1. The best point has" in text
     table = experiment().assign(error_m=np.nan)
     lost = advise(table, ["gps", "arm"], "error_m", COSTS, limit=0.1, **MEAN)
-    assert "At every point more than 20 % of the runs are lost." in str(lost)
+    assert "At every point, more than 20 % of the runs are lost." in str(lost)
 
 
 @pytest.mark.parametrize("limit", [None, 3.5, 0.1])
@@ -305,8 +304,9 @@ def test_front_is_drawn_with_limit_and_choice(limit: float | None):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"costs": {"gsp": {1.0: 1.0}}}, "costs: must be of the factors, got 'gsp'; did you mean"),
-        ({"costs": {"gps": {0.1: 1.0}}}, "costs.gps: must have every level .* none for 3.5"),
+        ({"costs": {"gsp": {1.0: 1.0}}}, "costs: must be for the factors, got 'gsp'; did you mean"),
+        ({"costs": {"gps": {0.1: 1.0}}},
+         "costs.gps: must have a cost for every level .* none for 3.5"),
         ({"costs": {"gps": {0.1: 1.0, 3.5: np.nan}}}, "costs.gps: must be finite"),
         ({"percentile": 100}, "percentile: must be between 0 and 100, got 100"),
         ({"confidence": 0}, "confidence: must be between 0 and 1"),

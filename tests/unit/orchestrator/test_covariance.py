@@ -52,7 +52,7 @@ def test_each_point_is_judged_by_its_own_runs() -> None:
     (sentence,) = covariance.sentences(table)["good"]
     assert sentence.startswith("covariance: optimistic at 1 of 3 points, by a factor of ")
     assert "pessimistic at 1 of 3 points" in sentence
-    assert "in band at 1 (95 % each, from 30 runs a point" in sentence
+    assert "in band at 1 (95 % each, from 30 runs per point" in sentence
 
 
 def test_a_run_that_has_failed_counts_for_the_receivers_that_have_not() -> None:

@@ -92,7 +92,7 @@ def test_the_error_is_the_scatter_about_the_means_of_the_points_as_far_as_there_
     other = analyse(table, "abc", "y", order=1, error="residual")
     assert (other.error, other.df, other.sigma) == ("residual", 22 - 4, other.rmse)
     told = other.text(verbose=True)
-    assert "errors from the scatter about the model (residual, lack of fit in it), 18" in told
+    assert "errors from the scatter about the model (residual, with its lack of fit), 18" in told
     assert found.rmse == other.rmse
     assert found.lack_of_fit == other.lack_of_fit
 
@@ -323,7 +323,8 @@ def test_effects_of_a_log_are_ratios():
     assert "undecided" not in found.text()
     near = analyse(table, "ab", "y", transform="log", practical=row.ratio)
     assert near.effects.loc["a", "verdict"] == "undecided"
-    assert "undecided: the interval reaches to both sides of what matters" in near.text()
+    meaning = "undecided: the interval includes effects that matter and effects that do not"
+    assert meaning in near.text()
 
 
 @pytest.mark.parametrize("seeding", ["independent", "common"])
@@ -442,12 +443,12 @@ def test_the_answer_names_the_largest_and_those_it_cannot_tell_from_the_last():
 def test_without_effects_the_answer_says_so():
     table = noisy(seed=4)
     assert answer(analyse(table, "abc", "y", order=1)) == (
-        "No effect on the y can be told from noise."
+        "No effect on the y can be told apart from noise."
     )
     table["y"] += table["a"]
     found = analyse(table, "abc", "y", order=1, practical=5, unit="m")
     assert answer(found) == (
-        "No effect on the y is large enough to matter: those that can be told from noise are "
+        "No effect on the y is large enough to matter: those that can be told apart from noise are "
         "smaller than 5 m."
     )
 
@@ -496,7 +497,7 @@ def test_without_an_order_a_fraction_is_analysed_as_far_as_it_goes():
     assert found.reduced
     assert len(found.effects) == 4
     text = found.text(verbose=True)
-    assert "This holds as far as interactions that are not in the model may be neglected" in text
+    assert "This holds if interactions that are not in the model are negligible" in text
     assert "a from b × c × d" in text
     assert "the design points cannot tell the interactions of two factors apart" in text
     assert not analyse(noisy(), "abc", "y").reduced
@@ -538,9 +539,9 @@ def test_a_point_too_few_names_what_it_costs():
         ({}, {"response": "z"}, "response: must be columns of the table, got 'z'"),
         ({}, {"response": "a"}, "response: must not be a factor"),
         ({}, {"order": 4}, "order: must be from 1 to the number of factors, 3, got 4"),
-        ({}, {"terms": ["a", "x"]}, "terms: must be made of the factors, got 'x'"),
-        ({}, {"terms": ["a", "a"]}, "terms: must be different terms, got 'a' again"),
-        ({}, {"levels": {"q": (0, 1)}}, "levels: must be of the factors, got 'q'"),
+        ({}, {"terms": ["a", "x"]}, "terms: must consist of the factors, got 'x'"),
+        ({}, {"terms": ["a", "a"]}, "terms: must be different terms, got 'a' twice"),
+        ({}, {"levels": {"q": (0, 1)}}, "levels: must be for the factors, got 'q'"),
         ({}, {"seeding": "comon"}, "seeding: must be independent or common, got 'comon'; did you"),
         ({}, {"practical": -1.0}, "practical: must be above 0, got -1"),
         ({}, {"practical": 0.9, "transform": "log"}, "practical: must be a ratio above 1"),

@@ -177,7 +177,8 @@ def test_an_incomplete_replicate_is_left_out_and_counted() -> None:
     table.loc[5, "y"] = np.nan
     found = analyse(table, ["A", "B"], "y", seeding="common")
     assert (found.runs, found.dropped) == (132, 12)
-    assert "12 runs are left out: no finite response, or an incomplete replicate." in found.text()
+    text = found.text()
+    assert "12 runs are left out: they have no finite response, or an incomplete replicate." in text
 
 
 def test_levels_whose_pairs_differ_are_not_said_to_be_alike() -> None:
@@ -204,7 +205,7 @@ def test_interactions_that_cannot_be_estimated_are_left_out_and_named() -> None:
     found = analyse(table, FACTORS, "y")
     assert found.left_out == (f"gps × {AWKWARD}",)
     assert max(map(len, found.terms)) == 1
-    assert f"Main effects only: the combinations of levels that have runs cannot estimate gps × " \
+    assert f"Main effects only: the combinations of levels with runs cannot estimate gps × " \
         f"{AWKWARD}." in found.text()
     own = found.cells[found.cells["first"].eq("gps") & found.cells["second"].eq(AWKWARD)]
     missing = own[own["runs"] == 0]
@@ -297,7 +298,7 @@ def test_levels_as_good_as_the_best_are_named() -> None:
     means = table.groupby("a")["y"].mean()
     best, other = ("q", "r") if means["q"] < means["r"] else ("r", "q")
     assert text.startswith(f"The y falls with a from p to {best}, by ")
-    assert f", where {other} cannot be told from it" in text
+    assert f", where {other} cannot be told apart from the better level" in text
 
 
 def test_labels_are_for_people_only() -> None:
@@ -335,11 +336,11 @@ def test_heavy_tails_are_recognised_and_said() -> None:
     assert "transform log compares typical runs" in found["skewed"].text()
     assert "replay" not in found["bad"].text()
     named = dataclasses.replace(found["bad"], worst_run="0123456789abcdef").text()
-    assert "of run 0123456789abcdef: sblcosim replay RESULTS 0123456789abcdef." in named
+    assert "Run 0123456789abcdef is the largest: sblcosim replay RESULTS 0123456789abcdef." in named
     assert "transform log" not in found["bad"].text()
     assert "Skewed runs" not in found["clean"].text()
     needed = runs_for_t(found["skewed"].skewness)
-    assert f"hold from about {needed} runs at each level on" in found["skewed"].text()
+    assert f"need about {needed} runs at each level" in found["skewed"].text()
 
 
 def test_normal_runs_are_hardly_ever_called_heavy() -> None:
@@ -359,7 +360,8 @@ def test_text_says_how_many_runs_it_takes_to_see_a_bad_one() -> None:
         table["y"] = np.random.default_rng(9).normal(size=len(table))
         found = analyse(table, ["a"], "y")
         assert found.runs_needed == 86  # ln(0.05/4)/ln(0.95) = 85.4
-        assert ("that takes 86 runs at each level, there are 85" in found.text()) == (each < 86)
+        words = "each level needs 86 runs. The level with the fewest has 85."
+        assert (words in found.text()) == (each < 86)
 
 
 def test_runs_for_t_are_cochran_s() -> None:
@@ -388,7 +390,7 @@ def bad_tables() -> dict[str, tuple[pd.DataFrame, dict[str, object], str]]:
         "no column": (table, {"factors": ["gpss"]}, "factors: must be columns of the table, got "
                       "'gpss'; did you mean 'gps'?"),
         "level": (table, {"levels": {"gps": [0.1, 1.0]}}, "gps: must be one of 0.1, 1.0, got"),
-        "levels of": (table, {"levels": {"gp": [1]}}, "levels: must be of the factors, got 'gp'"),
+        "levels of": (table, {"levels": {"gp": [1]}}, "levels: must be for the factors, got 'gp'"),
         "twice": (table, {"levels": {"gps": [0.1, 0.1, 1, 5]}}, "must be different, got 0.1 twice"),
         "missing": (missing, {}, "gps: must have a level in every run, got a missing value"),
         "aliased": (same, {"factors": ["gps", "copy"]}, "factors: must be told apart by the 3"),
@@ -399,7 +401,7 @@ def bad_tables() -> dict[str, tuple[pd.DataFrame, dict[str, object], str]]:
         "transform": (table, {"transform": "spread"}, "transform: must be none or log, got"),
         "negative": (table.assign(y=-table["y"]), {"transform": "log"}, "y: must be positive"),
         "lost": (table, {"lost": "ekf.lost"}, "lost: must be a column of the table"),
-        "labels": (table, {"labels": {"gp": "x"}}, "labels: must be of the factors, got 'gp'"),
+        "labels": (table, {"labels": {"gp": "x"}}, "labels: must be for the factors, got 'gp'"),
         "seeding": (table, {"seeding": "common"}, "replicate: must be a column of the table"),
         "words": (table.assign(y="far"), {}, "y: must be a column of numbers"),
         "huge": (table.assign(y=1e200 * table["y"]), {}, "y: must be from 1e-60 to 1e+60 in the"),
@@ -498,12 +500,12 @@ def test_medians_lead_where_a_run_ran_away_and_no_bound_is_negative() -> None:
     table.loc[40:, "y"] += 5.0
     plain = analyse(table, ["a"], "y", unit="m")
     assert not plain.by_medians
-    assert not plain.text().startswith("The means rest")
+    assert not plain.text().startswith("The means depend")
     table.loc[3, "y"] = 2436.0
     found = analyse(table, ["a"], "y", unit="m")
     first, *_ = found.text().splitlines()
-    assert first.startswith("The means rest on few runs, so the medians first. The median y falls")
-    assert "intervals by order statistics, of each level alone:" in found.text()
+    assert first.startswith("The means depend on few runs, so the medians come first. The median")
+    assert "intervals of each level alone by order statistics:" in found.text()
     alone, together = (found.medians[[low, high]].to_numpy() for low, high in
                        (("low", "high"), ("all_low", "all_high")))
     assert (together[:, 0] < alone[:, 0]).all()
@@ -513,7 +515,7 @@ def test_medians_lead_where_a_run_ran_away_and_no_bound_is_negative() -> None:
     mean: Any = found.means.set_index("level").loc["x"]
     assert np.isnan(mean["low"])
     assert np.isnan(mean["high"])
-    assert "it is not known" in found.text()
+    assert "A mean without an interval (–) is unknown" in found.text()
     assert "−" not in found.text().partition("intervals, and the share")[2]
     # what may be negative keeps its interval
     negative = analyse(table.assign(y=table["y"] - 2.0), ["a"], "y")

@@ -311,7 +311,7 @@ def test_a_report_names_the_errors_that_what_is_possible_leaves_out(tmp_path: Pa
     made = small(factors=arms, fixed=fixed)
     (table,) = possible.tables(made, made.run(tmp_path))
     assert isinstance(table, PageTable)
-    assert table.note.endswith("Errors that it leaves out: mounting_std_m.")
+    assert table.note.endswith("The reference leaves out these errors: mounting_std_m.")
 
 
 def test_the_run_that_ran_away_is_named_and_pairs_are_weighed(tmp_path: Path) -> None:
@@ -409,8 +409,10 @@ def test_an_empty_level_is_the_scenario_as_it_is_and_no_level_is_there_twice(
     [
         ("absolute_total_rms", "; did you mean 'absolute_total_rms_m'?; docs/reference/results.md"),
         ("total_rms_m", "; did you mean 'absolute_total_rms_m'?; docs/reference/results.md"),
-        ("absolute_total_p95_m", '; this study has none, its file must say responses = ["absolute'),
-        ("relative_total_p96_m", '; this study has none, its file must say responses = ["percenti'),
+        ("absolute_total_p95_m",
+         '; this study has none, for which its file must say responses = ["absolute'),
+        ("relative_total_p96_m",
+         '; this study has none, for which its file must say responses = ["percenti'),
         ("zzz", "got 'zzz'; docs/reference/results.md lists all"),
     ],
 )

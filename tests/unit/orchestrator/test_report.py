@@ -136,10 +136,10 @@ def test_factors_whose_effects_cannot_be_told_apart_share_a_place() -> None:
 def test_what_is_significant_and_what_matters_are_told_apart() -> None:
     shown = analysed({"gps": 8, "arm": 1}, practical=3.0)
     text = factorial.what_matters(shown)
-    assert "1 matter, being surely larger than 3 m: GPS error." in text
+    assert "1 matter, as they are surely larger than 3 m: GPS error." in text
     assert text.startswith(f"{shown.effects['significant'].sum()} of 6 effects are statistically")
     assert shown.effects.loc["baseline", "verdict"] == "too small"
-    assert "no smallest effect that matters was given" in factorial.what_matters(analysed({}))
+    assert "No smallest effect that matters was given" in factorial.what_matters(analysed({}))
 
 
 def test_the_better_level_is_the_one_with_the_smaller_response() -> None:

@@ -336,8 +336,8 @@ def test_covariances_count_points_by_verdict(report: Callable[..., Report], kind
     counted = verdicts["verdict"].value_counts()
     assert value(shown["Points"]) == len(verdicts)
     assert value(shown["In band"]) == counted.get("in band", 0)
-    assert value(shown["Not to be told"]) == counted.get("one run", 0) + counted.get("unknown", 0)
-    assert value(shown["Runs a point"]) == verdicts["runs"].min()
+    assert value(shown["Unknown"]) == counted.get("one run", 0) + counted.get("unknown", 0)
+    assert value(shown["Runs per point"]) == verdicts["runs"].min()
     assert same(value(shown["Runs needed"]), verdicts["runs_needed"].max(), shown["Runs needed"])
     for word, inverse in (("optimistic", False), ("pessimistic", True)):
         cell = shown[f"{word.capitalize()}, by a factor of"]

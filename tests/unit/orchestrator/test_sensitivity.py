@@ -190,7 +190,7 @@ def test_the_answer_says_the_shares_in_words() -> None:
     text = found.text()
     row = found.indices.loc["gps"]
     assert text.startswith(
-        f"{100 * row['total']:.0f} % of the variance of ln ekf.error_m, interactions included, is "
+        f"{100 * row['total']:.0f} % of the variance of ln ekf.error_m, including interactions, is "
         f"explained by GPS error and {100 * found.indices.loc['seed', 'total']:.0f} % by chance "
         "(the seed)."
     )
@@ -211,20 +211,20 @@ def test_the_answer_is_one_sentence_of_the_two_largest_and_chance() -> None:
         assert not any(found.name_of(name) in said for name in rest)
         assert said.startswith("Roughly ") == (found.widest > sensitivity_sentences.WIDEST)
         assert total.sum() > 1
-        assert found.text().count("Totals add up to more than 100 %: an interaction counts") == 1
+        assert found.text().count("Totals exceed 100 %, because an interaction counts") == 1
 
 
 def test_that_no_factor_matters_is_said_only_where_the_intervals_say_it() -> None:
     found = of(noisy, ANGLES, 64)
     small = dict.fromkeys(["first", "first_low", "total", "total_low"], 0.01)
     for high, chance_low, words in (
-        (0.04, 0.95, r"Each factor explains less than 5 % of the variance of noisy, interactions "
-                     r"included; chance \(the seed\) explains 97 %\."),
+        (0.04, 0.95, r"Each factor explains less than 5 % of the variance of noisy, including "
+                     r"interactions\. Chance \(the seed\) explains 97 %\."),
         (0.04, 0.5, r"Each factor .* explains roughly 97 %\."),
         (0.09, 0.95, r"No factor stands out: estimates are below 5 % of the variance of noisy, "
-                     r"interactions included, but intervals reach up to 9 %; chance \(the seed\) "
+                     r"including interactions, but intervals reach up to 9 %\. Chance \(the seed\) "
                      r"explains 97 %\."),
-        (1.0, 0.5, r"No factor stands out: .* up to 100 %; chance \(the seed\) explains roughly "
+        (1.0, 0.5, r"No factor stands out: .* up to 100 %\. Chance \(the seed\) explains roughly "
                    r"97 %\."),
     ):  # fmt: skip
         table = found.indices.assign(**small, first_high=high, total_high=high)
@@ -252,7 +252,7 @@ def test_heavy_tails_of_a_raw_response_are_said() -> None:
     y = evaluate(model_of(error), drawn) ** 3
     found = indices(drawn, y, "ekf.error_m")
     assert found.heavy
-    assert "Heavy tails: 1 % of the runs make " in found.text()
+    assert "Heavy tails: 1 % of the runs contribute " in found.text()
     assert "; analyse the logarithm." in found.text()
     assert "analyse the logarithm" not in indices(drawn, y - y.min()).text()
     assert not of(ishigami, ANGLES, 256).heavy
@@ -266,9 +266,10 @@ def test_it_says_how_many_rows_are_needed() -> None:
     needed = few.base_rows_needed
     assert needed & (needed - 1) == 0
     assert needed >= 32 * (few.widest / 0.2) ** 2 > needed / 2
-    assert f"at least {needed} base rows are needed, {(needed - 32) * 6} more runs." in few.text()
+    more_runs = (needed - 32) * 6
+    assert f"needs at least {needed} base rows, which is {more_runs} more runs." in few.text()
     more = of(noisy, ANGLES, 128)
-    assert f"about {more.base_rows_needed} base rows are needed, " in more.text()
+    assert f"needs about {more.base_rows_needed} base rows, " in more.text()
     assert of(noisy, ANGLES, needed).widest < 0.25
     enough = of(noisy, ANGLES, 1024)
     assert enough.base_rows_needed == 1024
@@ -288,7 +289,7 @@ def test_whole_base_rows_are_left_out() -> None:
     assert found.used.tolist() == [i not in (1, 63) for i in range(64)]
     assert (found.independent == whole[found.used][:, [0, -1]].T).all()
     assert found.runs == 62 * 6
-    assert "2 of 64 base rows are left out, for 3 of their runs have no finite response" in (
+    assert "2 of 64 base rows are left out, because 3 of their runs have no finite response" in (
         found.text()
     )
     # those that are left are analysed as if there were no others
@@ -438,7 +439,7 @@ def test_runs_that_a_table_does_not_have_are_missing() -> None:
     (found, *_) = of_table(drawn, table.drop(index=[0, 11]), "ekf.absolute_total_rms_m")
     assert found.used.sum() == 62
     assert found.left_out == 0
-    assert "2 of 64 base rows have runs that are not done yet." in found.text()
+    assert "2 of 64 base rows have unfinished runs." in found.text()
 
 
 def test_an_unfinished_study_is_not_refused() -> None:
@@ -478,7 +479,7 @@ def test_few_rows_without_a_response_change_little_and_many_are_refused(region: 
             said = found.text().split(". ")[0]
             if gone:
                 assert said.startswith("Without ")
-                assert f" of the base rows ({gone} of 1024), where a run has no response: " in said
+                assert f" of base rows ({gone} of 1024) in which a run has no response: " in said
                 assert share in said or gone < 102
                 assert f"{gone} of 1024 base rows are left out" in found.text()
             answers += 1
@@ -507,7 +508,7 @@ DRAWN = sample(ANGLES, 64)
     [
         (FINE[1:], {}, "y: must have a value for each of the 384 runs of the sample, got shape "
                        "(383,)"),
-        (np.full(384, 2.0), {}, "y: must vary over the runs, got 2 in all that are independent"),
+        (np.full(384, 2.0), {}, "y: must vary over the runs, got 2 in all independent runs"),
         (np.full(384, np.nan), {},
          "y: must be finite in all 6 runs of at least 16 base rows, got 0"),
         (np.where(FINE > 15 * 6, np.nan, FINE), {},
@@ -532,7 +533,7 @@ def test_what_cannot_be_analysed_is_refused_in_one_line(values, options, message
         (lambda t: t.drop(columns="seed"), "ekf.x", "seed: must be a column of the table, got "
                                                     "none"),
         (lambda t: pd.concat([t, t[:1]]), "ekf.x",
-         "point: must be there once, for the seed is a factor, got 1 again"),
+         "point: must occur once, because the seed is a factor, got 1 twice"),
         (lambda t: t.assign(point=t["point"] + 1), "ekf.x",
          "point: must be from 1 to 384, the runs of the sample, got 2 to 385"),
         (lambda t: t.assign(seed=t["seed"] + 1), "ekf.x",

@@ -94,7 +94,7 @@ def test_the_means_are_those_of_the_level() -> None:
         assert mean == pytest.approx(np.exp(np.log(FOUND.values[runs][grade == level]).mean()))
     flag = found("none", flag=True)
     labels = figures.plot_scatter(flag)[0].get_legend_handles_labels()[1]
-    assert labels == ["share of like runs, 95 % intervals", "independent runs"][::-1]
+    assert labels == ["share of similar runs, 95 % intervals", "independent runs"][::-1]
 
 
 def test_conditional_means_have_equally_many_values() -> None:

@@ -144,7 +144,7 @@ def test_a_study_that_was_begun_with_the_old_sample_is_finished_and_read_with_it
     assert read.sample is not None
     assert read.sample.version == 1
     (found,) = workflow.of_space(read, table, "value")
-    assert found.text().count("This study was begun with the sample of an earlier version") == 1
+    assert found.text().count("This study has the sample of an earlier version") == 1
     assert "sample = 1" in as_toml(read.tables())
     with pytest.raises(ConfigurationError, match="is it another version of the sample"):
         workflow.of_space(fresh, table, "value")
