@@ -263,7 +263,7 @@ class Factorial(Answer):
 
     @property
     def reference(self) -> float:
-        """The |t| above which an effect is significant: t(1−α/2, df)."""
+        """The ``|t|`` above which an effect is significant: t(1−α/2, df)."""
         return float(stats.t.ppf((1 + self.confidence) / 2, self.df))
 
     def named(

@@ -137,6 +137,7 @@ VALUES = {
     "--from": "harbour-square",
     "--like": "lbl",
     "new --beacons": "1 2 3; 4 5 6; 7 8 0",
+    "build --beacons": "5",
     "--mounting": "0.3",
     "--gps": "rtk",
     "--compass": "7",
