@@ -67,6 +67,11 @@ class Loop:
         Loops that run after each pass.
     rows
         Rows of parameters that the body reads.
+    each
+        States with a row for each of several alternatives, such as the filters of a bank. The loop
+        then runs its body once for each row for which the guard holds, in order, instead of
+        repeating it. In ``x`` these states are that row, as a column; ``x.every`` has all rows, and
+        ``x.row`` is the row's number, from 0. Such a loop has no inner loops and no noise.
     """
 
     name: str
@@ -74,6 +79,7 @@ class Loop:
     body: Callable[[Symbols, Symbols, Symbols, Symbols, Any], Values]
     inner: Sequence[Loop] = ()
     rows: Sequence[Row] = ()
+    each: Sequence[str] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,7 +152,9 @@ class Functions:
     ``initial(p, w, t) -> x``, ``tick(x, u, p, w, t, k) -> x``, ``output(x, u, p, t) -> y``,
     ``guards[name](x, u, p, t) -> c``, ``bodies[name](x, u, p, w, t) -> x``; ``jacobian(x, u, p, t)
     -> dy/du`` (row by row) where there is direct feedthrough. Functions that read rows take the
-    elements of these as last arguments; ``rows`` lists them by loop, or as ``initial``.
+    elements of these as last arguments; ``rows`` lists them by loop, or as ``initial``. Functions
+    of a loop over ``each`` row of some states take the row and its number as last arguments; the
+    body's result is the other states, and after them the row.
     """
 
     initial: ca.Function
@@ -174,6 +182,8 @@ class Model:
         Declared names (output, input) with direct feedthrough.
     inner
         Number of inner loops of each loop, by name.
+    each
+        States of which a loop sees a row at a time, by the name of the loop.
     readme
         Its documentation in Markdown, if the component is not one of ours.
     """
@@ -186,7 +196,16 @@ class Model:
     iterate: Sequence[str]
     feedthrough: frozenset[tuple[str, str]] = field(default_factory=frozenset)
     inner: Mapping[str, int] = field(default_factory=dict)
+    each: Mapping[str, Sequence[str]] = field(default_factory=dict)
     readme: str | None = None
+
+    def places(self, loop: str) -> list[tuple[int, int, int]]:
+        """For each state of which a loop sees a row: its first element, and its shape."""
+        at, places = 0, {}
+        for name, (rows, columns) in self.states.items():
+            places[name] = (at, rows, columns)
+            at += rows * columns
+        return [places[name] for name in self.each.get(loop, ())]
 
 
 def build(component: Component, equations: Equations | Mapping[int, Equations]) -> Model:
@@ -215,6 +234,10 @@ def build(component: Component, equations: Equations | Mapping[int, Equations]) 
         iterate=tuple(loop.name for loop in _all(first.iterate)),
         inner={
             loop.name: len(_all(loop.inner)) for loop in _all((*first.advance, *first.iterate))
+        },
+        each={
+            loop.name: tuple(loop.each)
+            for loop in _all((*first.advance, *first.iterate)) if loop.each
         },
         feedthrough=frozenset(feedthrough),
     )
@@ -264,6 +287,13 @@ def _functions(
     )
     guards, bodies = {}, {}
     for loop in _all((*equations.advance, *equations.iterate)):
+        if loop.each:
+            if loop.inner or loop.rows:
+                raise ValueError(f"{component.name}: {loop.name} must have no inner loops or rows")
+            guards[loop.name], bodies[loop.name] = _of_each(
+                loop, states, x, [x_vector, u_vector, p_vector], (p, u, t)
+            )
+            continue
         w, w_vector = noise(loop.name)
         rows, more = _looked_up(component, loop.rows, w, (p, x), [x_vector, p_vector])
         read |= {} if rows is None else {loop.name: rows}
@@ -285,6 +315,35 @@ def _functions(
             ca.vec(ca.densify(ca.jacobian(y_vector, u_vector)).T),
         )
     return Functions(initial, tick, output, guards, bodies, jacobian, read), states, pairs
+
+
+def _of_each(
+    loop: Loop, states: Mapping[str, tuple[int, int]], x: Symbols, vectors: list[Any],
+    symbols: tuple[Symbols, Symbols, Any],
+) -> tuple[ca.Function, ca.Function]:
+    """Guard and body of a loop over each row of some states."""
+    p, u, t = symbols
+    row, row_vector = _symbols({name: (states[name][1], 1) for name in loop.each})
+    number, w = ca.SX.sym("row"), ca.SX(0, 1)
+    every = SimpleNamespace(**{name: getattr(x, name) for name in loop.each})
+    seen = SimpleNamespace(**{**x.__dict__, **row.__dict__, "every": every, "row": number})
+    changes = loop.body(p, seen, u, SimpleNamespace(), t)
+    unknown = set(changes) - set(states)
+    if unknown:
+        raise ValueError(f"{loop.name}: not a state: {', '.join(sorted(unknown))}")
+    others = _column(
+        _shaped(changes[name], shape, name)
+        if name in changes and name not in loop.each else getattr(x, name)
+        for name, shape in states.items()
+    )
+    own = _column(
+        _shaped(changes.get(name, getattr(row, name)), (states[name][1], 1), name)
+        for name in loop.each
+    )
+    guard = _function("guard", [*vectors, t, row_vector, number],
+                      ca.SX(loop.guard(p, seen, u, t)))
+    body = _function("body", [*vectors, w, t, row_vector, number], ca.vertcat(others, own))
+    return guard, body
 
 
 def _output(

@@ -74,6 +74,8 @@ SYSTEM = (
            variability="discrete"),
     output("sound_speed", "Estimated speed of sound", "m/s", variability="discrete"),
     output("restart_count", "Number of restarts of the receiver", type="Int32", start=0),
+    output("motion_psd", "Power spectral density of the receiver's acceleration per axis: learned, "
+           "or as given", "m2/s3", variability="discrete"),
 )
 """Outputs by which a receiver reports on the system around it."""
 REQUIRED_ESTIMATE = ("epoch", "position", "update_count")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 
@@ -11,7 +12,8 @@ from sblcosim.models.equations import Functions, Model
 from .straight_line import Array, statements
 from .tables import draw_blocks, draw_tables, noise_size
 
-_XUP = "const real *x, const real *u, const real *p"
+_UP = "const real *u, const real *p"
+_XUP = f"const real *x, {_UP}"
 
 
 def model_source(model: Model) -> str:
@@ -64,6 +66,7 @@ def _sizes(model: Model, n_blocks: int) -> dict[str, int]:
         "N_ADVANCE": len(model.advance),
         "N_ITERATE": len(model.iterate),
         "HAS_INNER": int(any(model.inner.values())),
+        **({"HAS_EACH": 1} if model.each else {}),
         "P_SEED": indices.get("seed", -1),
         "P_STREAM": indices.get("stream", -1),
         "P_INTERVAL": indices.get(component.interval or "", -1),
@@ -78,9 +81,14 @@ def state_indices(model: Model) -> list[int]:
     A state that equals an output in all variants is stored in that output.
     """
     shown = set.intersection(*map(_shown, (f.output for f in model.variants.values())))
+    in_rows = {  # rows of a state must be one after another
+        first + i for loop in model.each for first, rows, columns in model.places(loop)
+        for i in range(rows * columns)
+    }
     indices: dict[int, int] = {}
     for output, state in sorted(shown):
-        indices.setdefault(state, output)
+        if state not in in_rows:
+            indices.setdefault(state, output)
     n_outputs = sum(v.size for v in model.component.of("output"))
     n_states = sum(rows * columns for rows, columns in model.states.values())
     hidden = [state for state in range(n_states) if state not in indices]
@@ -196,6 +204,9 @@ def _loops(model: Model) -> Iterator[str]:
     x = _x(model)
     loops = (*model.advance, *model.iterate)
     for number, loop in enumerate(loops):
+        if loop in model.each:
+            yield from _of_each(model, loop, number)
+            continue
         yield _variants(
             f"guard_{number}(int variant, {_XUP}, real t, real *c)",
             _printed(model, partial(_guard, loop), [x, "u", "p", ["t"]], "c"),
@@ -214,7 +225,9 @@ def _loops(model: Model) -> Iterator[str]:
             "/* Number of loops inside each, which follow it. */\n"
             f"static const int model_inner[] = {{{inner}}};\n"
         )
-    numbers = range(len(loops))
+    if model.each:
+        yield from _selected_rows(model, loops)
+    numbers = [number for number, loop in enumerate(loops) if loop not in model.each]
     yield procedure(
         f"model_guard(int loop, int variant, {_XUP}, real t, real *c)",
         [
@@ -236,6 +249,54 @@ def _loops(model: Model) -> Iterator[str]:
         ],
         ["variant", "going", "x", "u", "p", "w", "t"],
     )
+
+
+_OF_EACH = f"int variant, int row, mask going, real *x, {_UP}, real t"
+
+
+def _of_each(model: Model, loop: str, number: int) -> Iterator[str]:
+    """Guard and body of a loop over each row of some states, with pointers to the rows."""
+    x, indices = _x(model), state_indices(model)
+    row, pointers = [], []
+    for n, (first, _, columns) in enumerate(model.places(loop)):
+        pointers.append(f"real *const r{n} = x + {indices[first]} + row * {columns};")
+        row += [f"r{n}[{i}]" for i in range(columns)]
+    arguments: list[Array] = [x, "u", "p", ["t"], row, ["r_set1((double)row)"]]
+    guards = _printed(model, partial(_guard, loop), arguments, "c")
+    arguments = [x, "u", "p", "w", ["t"], row, ["r_set1((double)row)"]]
+    bodies = _printed(model, partial(_body, loop), arguments, [*x, *row], "going")
+    names = ["row", "x", "u", "p", "t"]
+    unused = [f"(void)r{n};" for n in range(len(pointers))]
+    yield _variants(
+        f"guard_{number}(int variant, int row, real *x, {_UP}, real t, real *c)",
+        {value: [*pointers, *unused, *lines] for value, lines in guards.items()}, names,
+    )
+    yield _variants(
+        f"body_{number}({_OF_EACH})",
+        {value: [*pointers, *unused, *lines] for value, lines in bodies.items()},
+        [*names, "going"],
+    )
+
+
+def _selected_rows(model: Model, loops: Sequence[str]) -> Iterator[str]:
+    """Functions that select a loop over each row by its number."""
+    counts = [model.places(loop)[0][1] if loop in model.each else 0 for loop in loops]
+    yield (
+        "/* Number of rows that a loop goes through; 0: it repeats instead. */\n"
+        f"static const int model_rows[] = {{{', '.join(map(str, counts))}}};\n"
+    )
+    numbers = [number for number, loop in enumerate(loops) if loop in model.each]
+    for kind, signature, handed in (
+        ("guard", f"int loop, int variant, int row, real *x, {_UP}, real t, real *c",
+         "variant, row, x, u, p, t, c"),
+        ("body", f"int loop, {_OF_EACH}", "variant, row, going, x, u, p, t"),
+    ):
+        cases = [f"case {n}: {kind}_{n}({handed}); break;" for n in numbers]
+        yield procedure(
+            f"model_row_{kind}({signature})",
+            ["switch (loop) {", *cases, "default: break;", "}"],
+            re.findall(r"\w+", handed),
+        )
 
 
 def _jacobian(model: Model) -> Iterator[str]:

@@ -83,10 +83,31 @@ static inline int engine_loop(struct block *b, int variant, int loop, real t, ma
 #endif
 }
 
+#ifdef HAS_EACH
+/* A loop over each row of some states: the body runs where the guard holds. */
+static inline void engine_rows(struct block *b, int variant, int loop, real t)
+{
+    real *const x = engine_x(b);
+    for (int row = 0; row < model_rows[loop]; row++) {
+        real c = r_set1(0.0);
+        model_row_guard(loop, variant, row, x, engine_u(b), engine_p(b), t, &c);
+        const mask going = m_true(c) & m_eq(c, c);
+        if (m_any(going))
+            model_row_body(loop, variant, row, going, x, engine_u(b), engine_p(b), t);
+    }
+}
+#endif
+
 /* The loops from first to before end, each with its inner loops. */
 static inline int engine_loops(struct block *b, int variant, int first, int end, real t)
 {
     for (int loop = first; loop < end; loop += 1 + INNER_LOOPS(loop)) {
+#ifdef HAS_EACH
+        if (model_rows[loop] > 0) {
+            engine_rows(b, variant, loop, t);
+            continue;
+        }
+#endif
         const mask going = engine_going(b, variant, loop, t);
         if (m_any(going) && !engine_loop(b, variant, loop, t, going))
             return 0;

@@ -7,14 +7,16 @@ the platform. A filter that is wrong restarts.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from math import pi
+from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
 
 from ..declaration import number_of
 from ..equations import Equations, Loop, Symbols, Values
-from . import arc, estimate, lateness, least_squares, measurements, pose, start, surroundings
+from . import arc, bank, estimate, lateness, measurements, pose, start, surroundings
 from .estimate import pack, unpack
 from .least_squares import symmetric
 from .measurements import DEPTH, Samples, with_beacons
@@ -38,6 +40,8 @@ _FAR_STD = 30.0
 """Prior of the platform about its first packet [m]; a larger one changes nothing."""
 _ANYWHERE = 10.0
 """Prior of the heading before the first packet [rad]."""
+KEPT = (*POSITION, *VELOCITY, *PLATFORM, VERTICAL_ERROR)
+"""The states whose covariance is output."""
 
 
 def initial(p: Symbols, w: Symbols, t: Any) -> Values:
@@ -52,22 +56,55 @@ def initial(p: Symbols, w: Symbols, t: Any) -> Values:
     mean = ca.SX.zeros(STATES)
     mean[list(POSITION)] = p.prior_position
     mean[list(VELOCITY)] = p.prior_velocity
+    phi, noise = surroundings.around(ca, p, ca.SX(0))
     return {
         **measurements.initial(p, t),
         **estimate.initial(t),
         "ready": p.initialisation == _PRIOR,
         "located": 0,
-        "mean": mean,
-        "covariance": pack(ca.diag(stds**2)),
+        **bank.initial(p, mean, ca.diag(stds**2), t, len(KEPT)),
         "platform_down": 0,
         "pose_epoch": t,
         "arm": ca.SX.zeros(p.beacons, 3),
         **pose.NOTHING.states,
+        "sample": ca.SX.zeros(len(_SAMPLE)),
+        "packet": ca.SX.zeros(pose.NUMBERS),
+        "around": ca.SX.zeros(len(phi) + len(noise)),
+        "share": 0,
+        "short": 0,
+        "fast": 0,
         "score": 0,
         "restarts": 0,
-        "passes": 0,
-        "damping": 0,
+        **start.initial(),
     }
+
+
+_SAMPLE = (
+    "pending", "pause", "range", "placing", "sounding", "posing", "ranging", "using", "enough",
+    "first",
+)
+"""What the filters need to know of a sample besides the packet: `Sample`."""
+
+
+def _sample(x: Symbols) -> SimpleNamespace:
+    """The sample at hand.
+
+    Attributes
+    ----------
+    pending
+        Whether the filters have not used it yet.
+    pause
+        Time since the sample before [s].
+    range
+        Its range [m].
+    placing, sounding, posing, ranging
+        Whether it places the platform for the first time, has a depth to be used, a pose, a range.
+    using
+        Whether the filter has started and does not start anew.
+    enough, first
+        Whether the latest receptions suffice for a fix, and whether this is the first.
+    """
+    return SimpleNamespace(**{name: x.sample[i] for i, name in enumerate(_SAMPLE)})
 
 
 def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Values:
@@ -85,14 +122,63 @@ def unprocessed(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Any:
     return with_beacons(x, u, u.ping_beacon_position).any_new
 
 
-def _process(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
-    return processed(p, x, u)[0]
-
-
-def processed(p: Symbols, x: Symbols, u: Symbols) -> tuple[dict[str, Any], list[Step]]:
-    """Process the oldest sample; a depth and a packet of one epoch together, the depth first.
+def read(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
+    """Take the oldest sample; a depth and a packet of one epoch together.
 
     The first fix waits for the platform and for the last of the new samples.
+    """
+    s = with_beacons(x, u, u.ping_beacon_position)
+    oldest, depth, packet, chosen, z = _oldest(s)
+    newest = oldest >= ca.mmax(s.epoch[:DEPTH])
+    epoch = ca.fmax(oldest, x.epoch)
+    using = x.ready * (x.passes == 0)
+    pause = epoch - x.epoch
+    phi, noise = surroundings.around(ca, p, pause)
+    before = pose.later(x, surroundings.drift(p, phi, noise))
+    said, own = pose.read(p, u, s, chosen, newest, before)
+    placing = packet * said.complete * (x.located == 0)
+    located = ca.fmax(x.located, placing)
+    # Several packets of one epoch hold the same pose, errors included.
+    again = (oldest == x.pose_epoch) * (said.is_own == 0)
+    arm = _turned_arm(said)
+    last = ca.sum1(s.new) <= packet + depth
+    sample = {
+        "pending": 1, "pause": pause, "range": z, "placing": placing, "sounding": depth * using,
+        "posing": packet * located * (again == 0), "ranging": packet * located * using,
+        "using": using, "enough": s.enough * located,
+        "first": (x.ready == 0) * s.enough * located * last,
+    }
+    return {
+        "seen": ca.if_else(ca.vertcat(chosen, depth), s.mark, x.seen),
+        "epoch": epoch,
+        "located": located,
+        "pose_epoch": ca.if_else(packet, oldest, x.pose_epoch),
+        "platform_down": ca.if_else(packet, said.pose.down, x.platform_down),
+        "arm": ca.if_else(ca.repmat(chosen, 1, 3), ca.repmat(arm.T, s.count, 1), x.arm),
+        **own.states,
+        "sample": ca.vertcat(*(sample[name] for name in _SAMPLE)),
+        "packet": said.numbers,
+        "around": ca.vertcat(*phi.values(), *noise.values()),
+        "share": 0,
+        "short": 0,
+        "fast": 0,
+    }
+
+
+def pending(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Any:
+    """Whether a filter has to process the sample at hand; all but the first wait for a start."""
+    return _sample(x).pending * ca.fmax(
+        x.row == 0, bank.learned(p) * x.ready * (x.row < bank.MODELS)
+    )
+
+
+def filtered(p: Symbols, x: Symbols, u: Symbols, part: Any) -> tuple[dict[str, Any], list[Step]]:
+    """Process a sample with one filter of the bank: the depth first.
+
+    Parameters
+    ----------
+    part
+        Share of this filter in what is said of all of them.
 
     Returns
     -------
@@ -100,54 +186,49 @@ def processed(p: Symbols, x: Symbols, u: Symbols) -> tuple[dict[str, Any], list[
         The changed states, and the steps that the mean and its error go through, except for the
         first placement of the platform.
     """
-    s = with_beacons(x, u, u.ping_beacon_position)
-    oldest, depth, packet, chosen, z = _oldest(s)
-    newest = oldest >= ca.mmax(s.epoch[:DEPTH])
-    epoch = ca.fmax(oldest, x.epoch)
-    using = x.ready * (x.passes == 0)
-
-    phi, noise = surroundings.transition(ca, p, epoch - x.epoch)
+    sample, said = _sample(x), pose.packet(x.packet)
+    phi, noise = surroundings.white_acceleration(bank.psd(p, x), sample.pause, POSITION, VELOCITY)
+    known, grown = surroundings.around(ca, p, sample.pause)
+    keys = [(phi, key) for key in known] + [(noise, key) for key in grown]
+    for i, (elements, key) in enumerate(keys):
+        elements[key] = x.around[i]
     mean, P, moved = _predicted(x, phi, noise)
-    before = pose.later(x, surroundings.drift(p, phi, noise))
-    said = pose.read(p, u, s, chosen, newest, before)
-    mean, P, located = _located(mean, P, said, packet, x.located)
-
-    depth_used = depth * using
-    mean, P, depth_nis, sounded = _sounded(p, mean, P, s.z[DEPTH], depth_used)
-
-    # Several packets of one epoch hold the same pose, errors included.
-    again = (oldest == x.pose_epoch) * (said.is_own == 0)
-    mean, P, posed = _platform_updated(p, mean, P, said, packet * located * (again == 0))
-    ranged = packet * located * using
-    mean, P, share, range_nis, heard = _range_updated(p, mean, P, said, z, ranged)
-
-    score = lateness.score(p, x.score, share, ranged)
+    mean, P = _located(mean, P, said, sample.placing)
+    mean, P, depth_nis, sounded = _sounded(p, mean, P, u.depth, sample.sounding)
+    mean, P, posed = _platform_updated(p, mean, P, said, sample.posing)
+    mean, P, heard, steps = _range_updated(p, mean, P, said, sample.range, sample.ranging)
     too_fast = ca.sumsqr(mean[list(VELOCITY)]) > p.speed_limit**2
-    known = s.enough * located
-    wrong = ca.fmax(score > lateness.LIMIT, too_fast) * using * known
-    first = (x.ready == 0) * known * (ca.sum1(s.new) <= packet + depth)
-    anew = ca.fmax(first, wrong)
-    arm = _turned_arm(said)
     changed = {
-        "ready": x.ready + first,
-        "update_count": x.update_count + first,
-        "seen": ca.if_else(ca.vertcat(chosen, depth), s.mark, x.seen),
-        "epoch": epoch,
         "mean": mean,
         "covariance": pack(P),
-        "located": located,
-        "pose_epoch": ca.if_else(packet, oldest, x.pose_epoch),
-        "platform_down": ca.if_else(packet, said.pose.down, x.platform_down),
-        "arm": ca.if_else(ca.repmat(chosen, 1, 3), ca.repmat(arm.T, s.count, 1), x.arm),
-        **said.own.states,
+        "weight": bank.weighed(p, x, heard.density, sample.ranging),
+        "share": x.share + part * heard.share,
+        "short": x.short + part * heard.short,
+        "fast": x.fast + part * too_fast,
+        "nis": x.nis + part * depth_nis + part * heard.nis,
+    }
+    return changed, [moved, sounded, *posed, *steps]
+
+
+def _filter(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
+    return filtered(p, x, u, x.weight)[0]
+
+
+def settle(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
+    """What a sample means for all filters: weights, doubts, a start."""
+    sample = _sample(x)
+    score = lateness.score(p, x.score, x.share, x.short, sample.ranging)
+    wrong = ca.fmax(score > lateness.LIMIT, x.fast > 0.5) * sample.using * sample.enough
+    return {
+        "sample": ca.vertcat(0, x.sample[1:]),
+        **bank.normalised(p, x),
+        "ready": x.ready + sample.first,
+        "update_count": x.update_count + sample.first,
         "score": ca.if_else(wrong, 0, score),
         "restarts": x.restarts + wrong,
-        "nis": x.nis + depth_nis + range_nis,
-        "nis_degrees": x.nis_degrees + depth_used + ranged * (share > 0.5),
-        "passes": ca.if_else(anew, least_squares.PASSES, x.passes),
-        "damping": ca.if_else(anew, least_squares.FIRST_DAMPING, x.damping),
+        "nis_degrees": x.nis_degrees + sample.sounding + sample.ranging * (x.share > 0.5),
+        **start.begun(x, ca.fmax(sample.first, wrong)),
     }
-    return changed, [moved, sounded, *posed, *heard]
 
 
 def _sounded(
@@ -195,11 +276,8 @@ def _predicted(
     return Phi @ x.mean, symmetric(Phi @ P @ Phi.T + Q), moved
 
 
-def _located(
-    mean: Any, P: Any, said: pose.Packet, packet: Any, located: Any
-) -> tuple[Any, Any, Any]:
+def _located(mean: Any, P: Any, said: pose.Packet, first: Any) -> tuple[Any, Any]:
     """Place the platform where its first complete packet says."""
-    first = packet * said.complete * (located == 0)
     # Own positions are rotated by ψ + e_ψ.
     apart = ca.if_else(said.is_own, P[HEADING_ERROR, HEADING_ERROR], 0)
     variances = {
@@ -218,7 +296,7 @@ def _located(
     P[HEADING, HEADING_ERROR] = P[HEADING_ERROR, HEADING] = ca.if_else(
         first, -apart, P[HEADING, HEADING_ERROR]
     )
-    return mean, P, ca.fmax(located, first)
+    return mean, P
 
 
 def _gain(P: Any, row: Measurement) -> tuple[Any, Any]:
@@ -267,23 +345,38 @@ def _platform_updated(
     return mean, P, [*steps, step, turn]
 
 
+@dataclass(frozen=True, slots=True)
+class Heard:
+    """What a filter makes of a range.
+
+    Attributes
+    ----------
+    share, short
+        Probabilities that it is punctual, and that it is too short.
+    density
+        Density of the innovation [1/m].
+    nis
+        Normalised innovation squared, as far as the range is punctual.
+    """
+
+    share: Any
+    short: Any
+    density: Any
+    nis: Any
+
+
 def _range_updated(
     p: Symbols, mean: Any, P: Any, said: pose.Packet, z: Any, weight: Any
-) -> tuple[Any, Any, Any, Any, list[Step]]:
-    """Apply a range that may be late, along the arc and to second order.
-
-    Returns
-    -------
-    mean, P, share, nis, steps
-        ``share`` is the probability that the range is not late.
-    """
+) -> tuple[Any, Any, Heard, list[Step]]:
+    """Apply a range that may be late, along the arc and to second order."""
     row = surroundings.range_(
         ca, p, _elements(mean), said.pose, [said.arm[i] for i in range(3)]
     )
     bent = arc.bent(arc.about(mean, P), row)
     c, S = _gain(P, bent)
     innovation = z - bent.value
-    share = lateness.punctual(p, innovation, S)
+    punctual, other = lateness.densities(p, innovation, S)
+    share = punctual / (punctual + other)
     kept = weight * share
     K = c / S
     d = kept * innovation * K
@@ -291,11 +384,14 @@ def _range_updated(
     P = symmetric(P + (widened - kept * S) * (K @ K.T))
     step = Correction(bent.row, c, kept * innovation / S, (widened - kept * S) / S**2)
     mean, P, turn = arc.retract(mean, P, d)
-    return mean, P, share, kept * innovation**2 / S, [step, turn]
+    heard = Heard(share, (1 - share) * (innovation < 0), punctual + other,
+                  kept * innovation**2 / S)
+    return mean, P, heard, [step, turn]
 
 
 def _output(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Values:
-    return outputs(p, x, x.mean, unpack(x.covariance, STATES), x.platform_down)
+    mean, P = bank.estimate(p, x, 0, KEPT, STATES)
+    return outputs(p, x, mean, P, x.platform_down)
 
 
 def outputs(p: Symbols, x: Symbols, state: Any, P: Any, down: Any) -> Values:
@@ -304,10 +400,10 @@ def outputs(p: Symbols, x: Symbols, state: Any, P: Any, down: Any) -> Values:
     Parameters
     ----------
     x
-        Holds what `estimate.outputs` needs, ``mean`` for clock and speed of sound, and
-        ``restarts``.
+        Holds what `estimate.outputs` needs, ``restarts`` and ``believed``.
     state, P, down
-        State and covariance of the estimate, and the reported depth of the platform [m].
+        State and covariance of the estimate (only the rows and columns `KEPT` are used), and the
+        reported depth of the platform [m].
     """
     seen = arc.about(state, P)
     shift, more = arc.moments(seen, P)
@@ -330,7 +426,8 @@ def outputs(p: Symbols, x: Symbols, state: Any, P: Any, down: Any) -> Values:
         "relative_position": ca.if_else(there, mean[[0, 2, 4]] - platform, 0),
         "relative_covariance": ca.if_else(there, relative, 0),
         "platform_position": platform,
-        **estimate.of_clock(p, x, x.mean[CLOCK], x.mean[SPEED]),
+        **estimate.of_clock(p, x, state[CLOCK], state[SPEED]),
+        "motion_psd": ca.if_else(bank.learned(p), x.believed, p.acceleration_psd),
     }
 
 
@@ -338,5 +435,12 @@ EQUATIONS = Equations(
     initial=initial,
     tick=_tick,
     output=_output,
-    iterate=(Loop("process", unprocessed, _process), start.anew()),
+    iterate=(
+        Loop("process", unprocessed, read, inner=(
+            Loop("filter", pending, _filter, each=bank.STATES),
+            Loop("settle", lambda p, x, u, t: _sample(x).pending, settle),
+        )),
+        *start.anew(0),
+        *bank.loops(KEPT, STATES),
+    ),
 )

@@ -15,6 +15,9 @@ LIMIT = 12.0
 """Score at which a filter restarts."""
 _ACCEPTED = 1.1
 """Amount that a fitting range subtracts from the score."""
+_TOO_SHORT = 8.0
+"""Amount that a range which is too short adds to the score: that of its density, `_WRONG`/`_REACH`,
+against one of 1/`_REACH` either way. A range may be late, but never early."""
 _ERFC = (
     -1.26551223, 1.00002368, 0.37409196, 0.09678418, -0.18628806, 0.27886807, -1.13520398,
     1.48851587, -0.82215223, 0.17087277,
@@ -23,17 +26,17 @@ _ERFC = (
 al., Numerical Recipes in C, 2nd ed., 1992, section 6.2)."""
 
 
-def score(p: Symbols, before: Any, share: Any, ranged: Any) -> Any:
-    """The score of ranges that do not fit (CUSUM), after one that is punctual by `share`."""
+def score(p: Symbols, before: Any, share: Any, short: Any, ranged: Any) -> Any:
+    """The score of ranges that do not fit (CUSUM).
+
+    Parameters
+    ----------
+    share, short
+        Probabilities that the range is punctual, and that it is too short.
+    """
     evidence = log(0.9) - ca.log(ca.fmax(p.outlier_probability, 0.01))
-    more = (1 - share) * evidence - _ACCEPTED * share
+    more = (1 - share) * evidence - _ACCEPTED * share + _TOO_SHORT * short
     return ca.if_else(ranged, ca.fmax(before + more, 0), before)
-
-
-def punctual(p: Symbols, innovation: Any, S: Any) -> Any:
-    """Probability that a range is punctual, from its innovation with variance S."""
-    punctual, late = densities(p, innovation, S)
-    return punctual / (punctual + late)
 
 
 def densities(p: Symbols, innovation: Any, S: Any) -> tuple[Any, Any]:

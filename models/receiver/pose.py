@@ -51,8 +51,6 @@ class Packet:
         heading as far as it follows from own positions [rad²].
     complete
         Whether these are good enough to start with. A single own position is not.
-    own
-        State of the own positions so far.
     """
 
     is_own: Any
@@ -65,7 +63,36 @@ class Packet:
     first_heading: Any
     heading_variance: Any
     complete: Any
-    own: Own
+
+    @property
+    def numbers(self) -> Any:
+        """All numbers as a column; `packet` makes a packet of them."""
+        return ca.vertcat(
+            self.is_own, self.place, self.arm, self.heading, self.pose.down, self.pose.roll,
+            self.pose.pitch, self.pose.tilt_variance, self.platform, self.first_heading,
+            self.heading_variance, self.complete,
+        )
+
+
+NUMBERS = 16
+"""Numbers of a packet."""
+
+
+def packet(numbers: Any) -> Packet:
+    """The packet of a column of numbers."""
+    is_own, arm = numbers[0], numbers[3:6]
+    return Packet(
+        is_own=is_own,
+        place=numbers[1:3],
+        body=ca.if_else(is_own, arm, 0),
+        arm=arm,
+        heading=numbers[6],
+        pose=Pose(down=numbers[7], roll=numbers[8], pitch=numbers[9], tilt_variance=numbers[10]),
+        platform=numbers[11:13],
+        first_heading=numbers[13],
+        heading_variance=numbers[14],
+        complete=numbers[15],
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,8 +231,8 @@ def _unit(v: Any) -> Any:
 
 def read(
     p: Symbols, u: Symbols, s: Samples, which: Any, newest: Any, before: Own
-) -> Packet:
-    """The packet of one beacon.
+) -> tuple[Packet, Own]:
+    """The packet of one beacon, and the state of the own positions so far.
 
     Parameters
     ----------
@@ -232,7 +259,7 @@ def read(
     roll = ca.if_else(given, attitude[0], ca.atan2(R[2, 1], R[2, 2]))
     pitch = ca.if_else(given, attitude[1], -ca.asin(ca.fmax(ca.fmin(R[2, 0], 1), -1)))
     (roll, tilt_variance), (pitch, _) = (surroundings.tilt(p, angle) for angle in (roll, pitch))
-    return Packet(
+    said = Packet(
         is_own=is_own,
         place=ca.if_else(is_own, own[:2], position[:2]),
         body=ca.if_else(is_own, arm, 0),
@@ -250,5 +277,5 @@ def read(
         complete=ca.fmax(is_own == 0, ca.fmax(
             all_own.heading_variance < _KNOWN, all_own.count >= _ENOUGH
         )),
-        own=all_own,
     )
+    return said, all_own

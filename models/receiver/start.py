@@ -14,7 +14,7 @@ from typing import Any
 import casadi as ca
 
 from ..equations import Loop, Symbols, Values
-from . import least_squares
+from . import bank, least_squares
 from .estimate import pack, unpack
 from .least_squares import adjugate, reciprocal, symmetric
 from .measurements import DEPTH, Samples, distance, with_beacons
@@ -38,22 +38,70 @@ _LEAST_OFFSET_STD = 1e-3
 """Smallest standard deviation of the common error of all ranges [m]."""
 
 
-def anew() -> Loop:
-    """The loop that computes a state of the diver from the latest receptions."""
-    return Loop("anew", lambda p, x, u, t: x.passes, _pass)
+_FIXED = 19
+"""Numbers of a `_Fixed`."""
 
 
-def _placed(p: Symbols, x: Symbols, u: Symbols) -> Samples:
+def initial() -> Values:
+    """The states of a start, at the start time."""
+    return {
+        "passes": 0, "damping": 0, "fix": ca.SX.zeros(3), "fixed": ca.SX.zeros(_FIXED),
+        "beginning": 0,
+    }
+
+
+def begun(x: Symbols, anew: Any) -> Values:
+    """The states that make the loops of `anew` run."""
+    return {
+        "passes": ca.if_else(anew, least_squares.PASSES, x.passes),
+        "damping": ca.if_else(anew, least_squares.FIRST_DAMPING, x.damping),
+    }
+
+
+def anew(row: int) -> tuple[Loop, Loop]:
+    """Loops that compute the diver from the latest receptions, and begin all filters there.
+
+    Parameters
+    ----------
+    row
+        The filter of the bank that knows where the platform is.
+    """
+
+    def step(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
+        return _pass(p, x, u, x.mean[row, :].T)
+
+    def begin(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
+        mean, covariance = _joined(
+            p, x.every.mean[row, :].T, x.every.covariance[row, :].T, _fixed(x.fixed)
+        )
+        return {
+            "mean": mean,
+            "covariance": covariance,
+            "weight": bank.begun(p)[0] * (x.row == 0)
+            + bank.begun(p)[1] * (x.row > 0) * (x.row < bank.MODELS),
+            "beginning": x.row < bank.ROWS - 1,
+            "mixed": x.epoch,
+            "nis": 0,
+            "nis_degrees": 0,
+        }
+
+    return (
+        Loop("anew", lambda p, x, u, t: x.passes, step),
+        Loop("begin", lambda p, x, u, t: x.beginning, begin, each=bank.STATES),
+    )
+
+
+def _placed(x: Symbols, u: Symbols, mean: Any) -> Samples:
     """The samples, with each beacon where the filter has it at the sample's epoch."""
     s = with_beacons(x, u, u.ping_beacon_position)
-    c, sn = ca.cos(x.mean[HEADING]), ca.sin(x.mean[HEADING])
+    c, sn = ca.cos(mean[HEADING]), ca.sin(mean[HEADING])
     rows = []
     for i in range(s.count):
         age = s.newest - s.epoch[i]
         arm = x.arm[i, :]
         rows.append(ca.horzcat(
-            x.mean[PLATFORM[0]] - age * x.mean[PLATFORM_VELOCITY[0]] + c * arm[0] - sn * arm[1],
-            x.mean[PLATFORM[1]] - age * x.mean[PLATFORM_VELOCITY[1]] + sn * arm[0] + c * arm[1],
+            mean[PLATFORM[0]] - age * mean[PLATFORM_VELOCITY[0]] + c * arm[0] - sn * arm[1],
+            mean[PLATFORM[1]] - age * mean[PLATFORM_VELOCITY[1]] + sn * arm[0] + c * arm[1],
             x.platform_down + arm[2],
         ))
     return replace(s, beacons=ca.vertcat(*rows))
@@ -157,11 +205,52 @@ def _lateness(p: Symbols, s: Samples, motion: Any) -> Any:
     return together * (2 * p.outlier_probability * p.outlier_mean**2)
 
 
-def _pass(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
-    s = _placed(p, x, u)
+@dataclass(frozen=True, slots=True)
+class _Fixed:
+    """What a fix is made of, for all filters that begin with it.
+
+    Attributes
+    ----------
+    position, information, alone, lean, value
+        As in `Fix`; ``value`` is its offset.
+    doubt
+        Factor of the samples' information: less than 1 where they disagree.
+    depth_weight
+        Information of the depth reading [1/m²].
+    offset
+        Prior and shares of the common offset.
+    """
+
+    position: Any
+    information: Any
+    value: Any
+    alone: Any
+    lean: Any
+    doubt: Any
+    depth_weight: Any
+    offset: Offset
+
+    @property
+    def numbers(self) -> Any:
+        """All numbers as a column."""
+        return ca.vertcat(
+            self.position, pack(self.information), self.value, self.alone, self.lean, self.doubt,
+            self.depth_weight, self.offset.variance, self.offset.clock, self.offset.speed,
+        )
+
+
+def _fixed(numbers: Any) -> _Fixed:
+    return _Fixed(
+        numbers[:3], unpack(numbers[3:9], 3), numbers[9], numbers[10], numbers[11:14],
+        numbers[14], numbers[15], Offset(numbers[16], numbers[17], numbers[18]),
+    )
+
+
+def _pass(p: Symbols, x: Symbols, u: Symbols, mean: Any) -> Values:
+    s = _placed(x, u, mean)
     begins = x.passes == least_squares.PASSES
-    position = ca.if_else(begins, least_squares.closed_form(s), x.mean[list(POSITION)])
-    platform = ca.vertcat(x.mean[list(PLATFORM)], x.platform_down)
+    position = ca.if_else(begins, least_squares.closed_form(s), x.fix)
+    platform = ca.vertcat(mean[list(PLATFORM)], x.platform_down)
     offset = _offset(p, distance(position, platform.T)[0])
     prior = reciprocal(offset.variance)
     motion = p.prior_velocity_std * (s.newest - s.epoch)
@@ -180,43 +269,46 @@ def _pass(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     fix = Fix(*(
         ca.if_else(better, getattr(there, f.name), getattr(here, f.name)) for f in fields(Fix)
     ))
-    mean, P = _joined(p, x, s, fix, offset, weight[DEPTH])
-    moved = ca.SX(x.mean)
-    moved[list(POSITION)] = fix.position
+    degrees = ca.fmax(ca.sum1(s.heard[:DEPTH]) - 2, 1)
+    # Samples that disagree get less weight. The assumption that the diver is near does not.
+    doubt = reciprocal(ca.fmax(fix.cost / degrees, 1))
+    fixed = _Fixed(
+        fix.position, fix.information, fix.offset, fix.alone, fix.lean, doubt, weight[DEPTH], offset
+    )
     return {
-        "mean": ca.if_else(last, mean, moved),
-        "covariance": ca.if_else(last, P, x.covariance),
+        "fix": fix.position,
+        "fixed": fixed.numbers,
+        "beginning": last,
         "damping": x.damping * ca.if_else(better, 0.01, 100),
         "passes": ca.if_else(last, 0, x.passes - 1),
-        "nis": 0,
-        "nis_degrees": 0,
     }
 
 
-def _joined(
-    p: Symbols, x: Symbols, s: Samples, fix: Fix, offset: Offset, depth_weight: Any
-) -> tuple[Any, Any]:
+def _joined(p: Symbols, before: Any, covariance: Any, fix: _Fixed) -> tuple[Any, Any]:
     """The diver from a fix, the platform from the filter: mean and packed covariance.
 
     Besides the fix's own error, the diver moves with the platform and rotates with its heading.
+
+    Parameters
+    ----------
+    before, covariance
+        Mean and packed covariance of the filter.
     """
-    y = fix.position[:2] - x.mean[list(PLATFORM)]
-    degrees = ca.fmax(ca.sum1(s.heard[:DEPTH]) - 2, 1)
-    # Samples that disagree get less weight. The assumption that the diver is near does not.
+    offset, doubt, depth_weight = fix.offset, fix.doubt, fix.depth_weight
+    y = fix.position[:2] - before[list(PLATFORM)]
     near = ca.diag(ca.SX([1, 1, 0])) / _FAR_STD**2
-    doubt = reciprocal(ca.fmax(fix.cost / degrees, 1))
     cofactors, determinant = adjugate(doubt * (fix.information - near) + near)
     own = cofactors / determinant
     parts = {CLOCK: offset.clock, SPEED: offset.speed}
     fresh = {**dict.fromkeys(VELOCITY, p.prior_velocity_std**2), DEPTH_BIAS: p.depth_bias_std**2,
              CLOCK: p.clock_std**2, SPEED: p.sound_speed_std**2,
              VERTICAL_ERROR: p.gps_vertical_error_std**2}
-    mean = ca.SX(x.mean)
+    mean = ca.SX(before)
     mean[list(POSITION)] = fix.position
     for i in fresh:
-        mean[i] = parts.get(i, 0) * fix.offset
+        mean[i] = parts.get(i, 0) * fix.value
 
-    P = ca.SX(unpack(x.covariance, STATES))
+    P = ca.SX(unpack(covariance, STATES))
     kept = [i for i in range(STATES) if i not in (*POSITION, *fresh)]
     for i in (*POSITION, *fresh):
         for j in range(STATES):

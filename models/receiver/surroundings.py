@@ -134,7 +134,14 @@ def white_acceleration(
 
 def transition(m: Any, p: Any, dt: Any) -> tuple[dict[tuple[int, int], Any], ...]:
     """Φ without its ones, and the upper triangle of Q, over ``dt`` [s], by row and column."""
-    phi, Q = white_acceleration(p.acceleration_psd, dt, POSITION, VELOCITY)
+    diver = white_acceleration(p.acceleration_psd, dt, POSITION, VELOCITY)
+    return tuple({**a, **b} for a, b in zip(diver, around(m, p, dt), strict=True))
+
+
+def around(m: Any, p: Any, dt: Any) -> tuple[dict[tuple[int, int], Any], ...]:
+    """The part of `transition` that is not the diver's."""
+    phi: Elements = {}
+    Q: Elements = {}
     for pairs, std, tau in (
         (zip(PLATFORM, PLATFORM_VELOCITY, strict=True), p.platform_velocity_std,
          p.platform_velocity_time),

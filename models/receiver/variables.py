@@ -50,6 +50,8 @@ START = (
 )
 PSD = parameter("acceleration_psd", "Power spectral density q of the white acceleration per axis; "
                  "the other form of Q takes the variance q / dt", "m2/s3", start=0.01, min=0.0)
+MOTION = parameter("acceleration_psd", "Power spectral density q of the white acceleration per "
+                   "axis; a negative one is learned", "m2/s3", start=0.01, min=-1.0)
 MODEL = (
     *START,
     choice("process_noise", "Form of Q", PROCESS_NOISE, 1, needs=(not_zero("acceleration_psd"),)),
@@ -118,7 +120,7 @@ SYSTEM_TERMINALS = (
 )
 FILTER = (
     *START,
-    PSD,
+    MOTION,
     parameter("speed_limit", "Largest credible speed of the diver; a faster estimate makes the "
               "filter restart", "m/s", start=3.0, min=0.1),
     *ARRANGEMENT,

@@ -1,0 +1,173 @@
+"""Several filters side by side that expect different motion: an interacting multiple model.
+
+A diver who turns, stops and goes on does not move with white acceleration of one density q. Each
+filter of the bank assumes another q. The likelihood of the ranges weighs them. The depth takes no
+part: its sensor is so precise that it would decide, about the vertical alone. Now and then the
+filters are mixed, as if the diver changed from each q to any of them within `MEMORY` (H. A. P. Blom,
+Y. Bar-Shalom, IEEE Trans. Autom. Control 33, 1988, 780-783).
+
+A bank has a row for each filter: the states "mean", "covariance" (its upper triangle) and "weight".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import exp, log
+from typing import Any
+
+import casadi as ca
+
+from ..equations import Loop, Symbols, Values
+from .estimate import pack, unpack
+from .least_squares import symmetric
+
+PSDS = (0.03, 0.003, 0.3)
+"""Density q that each filter assumes [m²/s³]."""
+MEMORY = 40.0
+"""Mean time for which a diver keeps to one q [s]."""
+_EVERY = 4.0
+"""Time between mixings [s]: a tenth of the memory, so that what they cost is shared by many
+ranges."""
+MODELS = len(PSDS)
+EXTRA = MODELS
+"""A row of its own use for each receiver: not weighed, not mixed."""
+ROWS = MODELS + 1
+STATES = ("mean", "covariance", "weight")
+"""The states that have a row for each filter."""
+
+
+def learned(p: Symbols) -> Any:
+    """Whether the density of the acceleration is learned: 0 or 1."""
+    return p.acceleration_psd < 0
+
+
+def psd(p: Symbols, x: Symbols) -> Any:
+    """The density that a row assumes [m²/s³]; the extra row, what is believed."""
+    own = x.believed
+    for n, value in enumerate(PSDS):
+        own = ca.if_else(x.row == n, value, own)
+    return ca.if_else(learned(p), own, p.acceleration_psd)
+
+
+def begun(p: Symbols) -> Any:
+    """Weights at a start, (ROWS, 1)."""
+    alone = [1.0, *[0.0] * MODELS]
+    equal = [*[1.0 / MODELS] * MODELS, 0.0]
+    return ca.if_else(learned(p), ca.SX(equal), ca.SX(alone))
+
+
+def initial(p: Symbols, mean: Any, P: Any, t: Any, kept: int) -> Values:
+    """The states of a bank at the start: all filters alike.
+
+    Parameters
+    ----------
+    kept
+        Number of states whose covariance is output.
+    """
+    n = mean.numel()
+    return {
+        "mean": ca.repmat(mean.T, ROWS, 1),
+        "covariance": ca.repmat(pack(P).T, ROWS, 1),
+        "weight": begun(p),
+        "believed": _GEOMETRIC,
+        "shown": ca.SX.zeros(n + kept * (kept + 1) // 2),
+        "average": ca.SX.zeros(n + n * (n + 1) // 2),
+        "shown_epoch": t,
+        "mixed": t,
+        "stay": 0,
+        "mixing": 0,
+    }
+
+
+def weighed(p: Symbols, x: Symbols, density: Any, ranged: Any) -> Any:
+    """Weight of a row after a range whose innovation has this density; not normalised."""
+    return x.weight * ca.if_else(learned(p) * ranged, density, 1)
+
+
+def normalised(p: Symbols, x: Symbols) -> Values:
+    """The weights with a sum of 1, and what they make believe."""
+    total = ca.sum1(x.weight[:MODELS])
+    weight = ca.SX(x.weight)
+    for k in range(MODELS):
+        weight[k] = x.weight[k] / total
+    return {"weight": weight}
+
+
+def mixture(x: Symbols, chosen: Sequence[int], n: int) -> tuple[Any, Any]:
+    """Mean of all n states, and covariance of the chosen ones, over the weighted filters."""
+    places = _places(n)
+    mean = sum(x.weight[k] * x.mean[k, :].T for k in range(MODELS))
+    off = [x.mean[k, :].T - mean for k in range(MODELS)]
+    P = ca.SX.zeros(len(chosen), len(chosen))
+    for a, i in enumerate(chosen):
+        for b, j in list(enumerate(chosen))[a:]:
+            at = places[min(i, j), max(i, j)]
+            P[a, b] = P[b, a] = sum(
+                x.weight[k] * (x.covariance[k, at] + off[k][i] * off[k][j]) for k in range(MODELS)
+            )
+    return mean, P
+
+
+def _places(n: int) -> dict[tuple[int, int], int]:
+    """Place in an upper triangle of each element."""
+    pairs = ((i, j) for i in range(n) for j in range(i, n))
+    return {pair: place for place, pair in enumerate(pairs)}
+
+
+def estimate(p: Symbols, x: Symbols, row: int, kept: Sequence[int], n: int) -> tuple[Any, Any]:
+    """Mean, and covariance of the kept states: of one row, or of the mixture if q is learned."""
+    own = unpack(x.covariance[row, :].T, n)[list(kept), list(kept)]
+    all_of_them = x.shown
+    P = ca.SX.zeros(n, n)
+    P[list(kept), list(kept)] = unpack(
+        ca.if_else(learned(p), all_of_them[n:], pack(own)), len(kept)
+    )
+    return ca.if_else(learned(p), all_of_them[:n], x.mean[row, :].T), P
+
+
+def loops(kept: Sequence[int], n: int) -> tuple[Loop, ...]:
+    """What happens after all samples of a tick: the mixture, and now and then the mixing."""
+
+    def show(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
+        mean, P = mixture(x, kept, n)
+        return {
+            "shown": ca.vertcat(mean, pack(P)),
+            "shown_epoch": x.epoch,
+            "believed": ca.exp(sum(x.weight[k] * log(PSDS[k]) for k in range(MODELS))),
+        }
+
+    def average(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
+        mean, P = mixture(x, range(n), n)
+        return {
+            "average": ca.vertcat(mean, pack(P)),
+            "stay": ca.exp(-(x.epoch - x.mixed) / MEMORY),
+            "mixed": x.epoch,
+            "mixing": 1,
+        }
+
+    def mix(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
+        # Of what comes to this q, the share `own` had it before; all others have equal chances.
+        weight = x.stay * x.weight + (1 - x.stay) / MODELS
+        own = x.stay * x.weight / weight
+        mean, P = x.average[:n], x.average[n:]
+        off = x.mean - mean
+        return {
+            "mean": mean + own * off,
+            "covariance": P + own * (x.covariance - P)
+            + own * (1 - own) * pack(symmetric(off @ off.T)),
+            "weight": weight,
+            "mixing": x.row < MODELS - 1,
+        }
+
+    def several(p: Symbols, x: Symbols) -> Any:
+        return learned(p) * x.ready * (x.passes == 0)
+
+    return (
+        Loop("show", lambda p, x, u, t: several(p, x) * (x.epoch != x.shown_epoch), show),
+        Loop("average", lambda p, x, u, t: several(p, x) * (x.epoch - x.mixed >= _EVERY), average),
+        Loop("mix", lambda p, x, u, t: x.mixing * (x.row < MODELS), mix, each=STATES),
+    )
+
+
+_GEOMETRIC = exp(sum(map(log, PSDS)) / MODELS)
+"""What is believed before any range: the geometric mean [m²/s³]."""
