@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import exp, log
+from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
@@ -56,6 +57,12 @@ def begun(p: Symbols) -> Any:
     return ca.if_else(learned(p), ca.SX(equal), ca.SX(alone))
 
 
+def row_of(x: Symbols, row: int) -> Symbols:
+    """The states as a loop over the filters sees them in one of the rows."""
+    own = {name: getattr(x, name)[row, :].T for name in STATES}
+    return SimpleNamespace(**{**x.__dict__, **own, "row": row})
+
+
 def initial(p: Symbols, mean: Any, P: Any, t: Any, kept: int) -> Values:
     """The states of a bank at the start: all filters alike.
 
@@ -79,18 +86,23 @@ def initial(p: Symbols, mean: Any, P: Any, t: Any, kept: int) -> Values:
     }
 
 
-def weighed(p: Symbols, x: Symbols, density: Any, ranged: Any) -> Any:
-    """Weight of a row after a range whose innovation has this density; not normalised."""
-    return x.weight * ca.if_else(learned(p) * ranged, density, 1)
+def weighed(x: Symbols, density: Any, ranged: Any) -> Any:
+    """Weight of a row after a range whose innovation has this density; not normalised.
+
+    That of the extra row is the density itself.
+    """
+    before = ca.if_else(x.row == EXTRA, 1, x.weight)
+    return before * ca.if_else(ranged, density, 1)
 
 
-def normalised(p: Symbols, x: Symbols) -> Values:
-    """The weights with a sum of 1, and what they make believe."""
-    total = ca.sum1(x.weight[:MODELS])
-    weight = ca.SX(x.weight)
-    for k in range(MODELS):
-        weight[k] = x.weight[k] / total
-    return {"weight": weight}
+def total(x: Symbols) -> Any:
+    """Density of a range in the mixture, from the weights before they are normalised."""
+    return ca.sum1(x.weight[:MODELS])
+
+
+def normalised(x: Symbols) -> Any:
+    """The weights with a sum of 1, (ROWS, 1)."""
+    return ca.vertcat(x.weight[:MODELS] / total(x), x.weight[EXTRA])
 
 
 def mixture(x: Symbols, chosen: Sequence[int], n: int) -> tuple[Any, Any]:
@@ -126,12 +138,18 @@ def estimate(p: Symbols, x: Symbols, row: int, kept: Sequence[int], n: int) -> t
 
 
 def loops(kept: Sequence[int], n: int) -> tuple[Loop, ...]:
-    """What happens after all samples of a tick: the mixture, and now and then the mixing."""
+    """What happens after all samples of a tick: the mixture, and now and then the mixing.
+
+    Parameters
+    ----------
+    kept
+        States whose covariance is output; none: the mixture itself is not output.
+    """
 
     def show(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
         mean, P = mixture(x, kept, n)
         return {
-            "shown": ca.vertcat(mean, pack(P)),
+            **({"shown": ca.vertcat(mean, pack(P))} if kept else {}),
             "shown_epoch": x.epoch,
             "believed": ca.exp(sum(x.weight[k] * log(PSDS[k]) for k in range(MODELS))),
         }

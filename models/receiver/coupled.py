@@ -16,7 +16,7 @@ import casadi as ca
 
 from ..declaration import number_of
 from ..equations import Equations, Loop, Symbols, Values
-from . import arc, bank, estimate, lateness, measurements, pose, start, surroundings
+from . import arc, bank, estimate, lateness, least_squares, measurements, pose, start, surroundings
 from .estimate import pack, unpack
 from .least_squares import symmetric
 from .measurements import DEPTH, Samples, with_beacons
@@ -40,6 +40,8 @@ _FAR_STD = 30.0
 """Prior of the platform about its first packet [m]; a larger one changes nothing."""
 _ANYWHERE = 10.0
 """Prior of the heading before the first packet [rad]."""
+_CHALLENGE, _LEAD = 60.0, 4.0
+"""Time between challenges [s], and the log-likelihood ratio with which a challenger takes over."""
 KEPT = (*POSITION, *VELOCITY, *PLATFORM, VERTICAL_ERROR)
 """The states whose covariance is output."""
 
@@ -81,7 +83,7 @@ def initial(p: Symbols, w: Symbols, t: Any) -> Values:
 
 _SAMPLE = (
     "pending", "pause", "range", "placing", "sounding", "posing", "ranging", "using", "enough",
-    "first",
+    "first", "last",
 )
 """What the filters need to know of a sample besides the packet: `Sample`."""
 
@@ -103,6 +105,8 @@ def _sample(x: Symbols) -> SimpleNamespace:
         Whether the filter has started and does not start anew.
     enough, first
         Whether the latest receptions suffice for a fix, and whether this is the first.
+    last
+        Whether it is the last of the new ones.
     """
     return SimpleNamespace(**{name: x.sample[i] for i, name in enumerate(_SAMPLE)})
 
@@ -146,7 +150,7 @@ def read(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
         "pending": 1, "pause": pause, "range": z, "placing": placing, "sounding": depth * using,
         "posing": packet * located * (again == 0), "ranging": packet * located * using,
         "using": using, "enough": s.enough * located,
-        "first": (x.ready == 0) * s.enough * located * last,
+        "first": (x.ready == 0) * s.enough * located * last, "last": last,
     }
     return {
         "seen": ca.if_else(ca.vertcat(chosen, depth), s.mark, x.seen),
@@ -165,11 +169,15 @@ def read(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     }
 
 
-def pending(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Any:
-    """Whether a filter has to process the sample at hand; all but the first wait for a start."""
-    return _sample(x).pending * ca.fmax(
-        x.row == 0, bank.learned(p) * x.ready * (x.row < bank.MODELS)
-    )
+def pending(x: Symbols) -> Any:
+    """Whether the sample at hand has still to be processed."""
+    return _sample(x).pending
+
+
+def _pending(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Any:
+    """Whether a row processes the sample; all but the first wait for a start."""
+    taking_part = ca.if_else(x.row == bank.EXTRA, p.watch, bank.learned(p))
+    return pending(x) * ca.fmax(x.row == 0, taking_part * x.ready)
 
 
 def filtered(p: Symbols, x: Symbols, u: Symbols, part: Any) -> tuple[dict[str, Any], list[Step]]:
@@ -201,7 +209,7 @@ def filtered(p: Symbols, x: Symbols, u: Symbols, part: Any) -> tuple[dict[str, A
     changed = {
         "mean": mean,
         "covariance": pack(P),
-        "weight": bank.weighed(p, x, heard.density, sample.ranging),
+        "weight": bank.weighed(x, heard.density, sample.ranging),
         "share": x.share + part * heard.share,
         "short": x.short + part * heard.short,
         "fast": x.fast + part * too_fast,
@@ -211,7 +219,7 @@ def filtered(p: Symbols, x: Symbols, u: Symbols, part: Any) -> tuple[dict[str, A
 
 
 def _filter(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
-    return filtered(p, x, u, x.weight)[0]
+    return filtered(p, x, u, x.weight * (x.row < bank.MODELS))[0]
 
 
 def settle(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
@@ -221,13 +229,37 @@ def settle(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     wrong = ca.fmax(score > lateness.LIMIT, x.fast > 0.5) * sample.using * sample.enough
     return {
         "sample": ca.vertcat(0, x.sample[1:]),
-        **bank.normalised(p, x),
+        "weight": bank.normalised(x),
         "ready": x.ready + sample.first,
         "update_count": x.update_count + sample.first,
         "score": ca.if_else(wrong, 0, score),
         "restarts": x.restarts + wrong,
         "nis_degrees": x.nis_degrees + sample.sounding + sample.ranging * (x.share > 0.5),
         **start.begun(x, ca.fmax(sample.first, wrong)),
+    }
+
+
+def _settle(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
+    """The same, with the second opinion."""
+    sample = _sample(x)
+    changed = settle(p, x, u, w, t)
+    watching = p.watch * sample.using * (changed["passes"] == 0)
+    better = ca.log(x.weight[bank.EXTRA]) - ca.log(bank.total(x))
+    lead = ca.if_else(watching * sample.ranging, x.lead + better, x.lead)
+    takes = watching * (lead > _LEAD)
+    due = watching * (takes == 0) * sample.last * sample.enough * (
+        x.epoch - x.challenged >= _CHALLENGE
+    )
+    return {
+        **changed,
+        "restarts": changed["restarts"] + takes,
+        "score": ca.if_else(takes, 0, changed["score"]),
+        "lead": ca.if_else(ca.fmax(takes, due), 0, lead),
+        "challenged": ca.if_else(ca.fmax(takes, due), x.epoch, x.challenged),
+        "passes": ca.if_else(due, least_squares.PASSES, changed["passes"]),
+        "damping": ca.if_else(due, least_squares.FIRST_DAMPING, changed["damping"]),
+        "kind": ca.if_else(due, start.CHALLENGER, start.ALL),
+        "beginning": ca.if_else(takes, start.TAKEN, x.beginning),
     }
 
 
@@ -437,8 +469,8 @@ EQUATIONS = Equations(
     output=_output,
     iterate=(
         Loop("process", unprocessed, read, inner=(
-            Loop("filter", pending, _filter, each=bank.STATES),
-            Loop("settle", lambda p, x, u, t: _sample(x).pending, settle),
+            Loop("filter", _pending, _filter, each=bank.STATES),
+            Loop("settle", lambda p, x, u, t: pending(x), _settle),
         )),
         *start.anew(0),
         *bank.loops(KEPT, STATES),

@@ -16,12 +16,12 @@ import casadi as ca
 
 from ..equations import Equations, Loop, Symbols, Values
 from ..ports import DEPTH, PING_POSE, RECEPTION
-from . import coupled, start
+from . import bank, coupled, start
 from .estimate import pack, unpack
-from .steps import Delayed, packed, unpacked
-from .surroundings import PLATFORM, POSITION, STATES, VELOCITY, VERTICAL_ERROR
+from .steps import Delayed, Step, packed, unpacked
+from .surroundings import STATES
 
-_KEPT = [*POSITION, *VELOCITY, *PLATFORM, VERTICAL_ERROR]
+_KEPT = list(coupled.KEPT)
 _SPACING = 4
 """Copies per lag."""
 _COPIES = _SPACING + 1
@@ -74,12 +74,13 @@ def _copy(row: Any) -> _Copy:
 
 def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
     states = coupled.initial(p, w, t)
+    states["shown"] = ca.SX.zeros(0, 1)
     ports = {
         v.name: (p.beacons, *v.shape[1:]) if v.rows else v.shape
         for v in (*RECEPTION, *DEPTH, *PING_POSE)
     }
     inputs = {name: ca.SX.zeros(*(*shape, 1, 1)[:2]) for name, shape in ports.items()}
-    _, steps = coupled.processed(p, SimpleNamespace(**states), SimpleNamespace(**inputs))
+    steps = _steps(p, SimpleNamespace(**states), SimpleNamespace(**inputs))
     given = ca.SX.zeros(1, _GIVEN)
     given[1] = t
     return {
@@ -94,20 +95,34 @@ def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
     }
 
 
-def _process(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
-    """Process as `coupled`, then update the copies. A restart discards them as wrong."""
-    changed, steps = coupled.processed(p, x, u)
+def _steps(p: Symbols, x: Symbols, u: Symbols) -> list[Step]:
+    """The steps of the row that the copies follow."""
+    return coupled.filtered(p, bank.row_of(x, bank.EXTRA), u, 1)[1]
+
+
+def _pending(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Any:
+    """Whether a row processes the sample: the last one, with the density that the others find."""
+    return coupled.pending(x) * ca.fmax(x.row == bank.EXTRA, bank.learned(p) * x.ready)
+
+
+def _filter(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
+    changed, steps = coupled.filtered(p, x, u, x.row == bank.EXTRA)
+    return {**changed, "steps": packed(steps)}  # those of the last row stay
+
+
+def _settle(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
+    """As `coupled`; then the copies are due. A restart discards them as wrong."""
+    changed = coupled.settle(p, x, u, w, t)
     going = changed["passes"] == 0
-    working = changed["ready"] * changed["located"] * going
+    working = changed["ready"] * x.located * going
     newest = _copy(x.copies[-1, :])
-    old = changed["epoch"] - newest.epoch >= p.lag / _SPACING - _SAME
+    old = x.epoch - newest.epoch >= p.lag / _SPACING - _SAME
     due = working * ca.fmax(newest.there == 0, old)
     copies = ca.SX(x.copies)
     copies[:, 0] *= going
     return {
         **changed,
         "update_count": x.update_count,
-        "steps": packed(steps),
         "copies": copies,
         "due": due,
         "turns": ca.if_else(working, _COPIES + due, 0),
@@ -116,12 +131,12 @@ def _process(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
 
 def _turn(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     """Correct the oldest copy and move it to the end. The last pass stores a new copy if due."""
-    _, form = coupled.processed(p, x, u)
     old = _copy(x.copies[0, :])
-    followed = replace(old, past=old.past.after(unpacked(form, x.steps)))
-    P = unpack(x.covariance, STATES)
+    followed = replace(old, past=old.past.after(unpacked(_steps(p, x, u), x.steps)))
+    now = bank.row_of(x, bank.EXTRA)
+    P = unpack(now.covariance, STATES)
     new = _Copy(
-        ca.SX(1), x.epoch, x.platform_down, Delayed(x.mean[_KEPT], P[_KEPT, _KEPT], P[_KEPT, :])
+        ca.SX(1), x.epoch, x.platform_down, Delayed(now.mean[_KEPT], P[_KEPT, _KEPT], P[_KEPT, :])
     )
     last = ca.if_else(x.due * (x.turns == 1), new.numbers, followed.numbers)
     return {"copies": ca.vertcat(x.copies[1:, :], last), "turns": x.turns - 1}
@@ -153,12 +168,12 @@ def _give(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
 
 def _output(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Values:
     known = _copy(ca.horzcat(x.given, ca.SX.zeros(1, _SIZE * STATES)))
-    mean, P = ca.SX.zeros(STATES), ca.SX.zeros(STATES, STATES)
+    mean, P = x.mean[bank.EXTRA, :].T, ca.SX.zeros(STATES, STATES)
     mean[_KEPT] = known.past.mean
     P[_KEPT, _KEPT] = known.past.covariance
     shown = SimpleNamespace(
         update_count=x.update_count, epoch=known.epoch, nis=x.given_nis,
-        nis_degrees=x.given_degrees, mean=x.mean, restarts=x.restarts,
+        nis_degrees=x.given_degrees, restarts=x.restarts, believed=x.believed,
     )
     return coupled.outputs(p, shown, mean, P, known.down)
 
@@ -168,10 +183,15 @@ EQUATIONS = Equations(
     output=_output,
     iterate=(
         Loop(
-            "process", coupled.unprocessed, _process,
-            inner=(Loop("turn", lambda p, x, u, t: x.turns, _turn),),
+            "process", coupled.unprocessed, coupled.read,
+            inner=(
+                Loop("filter", _pending, _filter, each=bank.STATES),
+                Loop("settle", lambda p, x, u, t: coupled.pending(x), _settle),
+                Loop("turn", lambda p, x, u, t: x.turns, _turn),
+            ),
         ),
-        start.anew(),
+        *start.anew(bank.EXTRA),
+        *bank.loops((), STATES),
         Loop("give", lambda p, x, u, t: ca.mmax(_ripe(p, x, t)), _give),
     ),
 )

@@ -38,6 +38,8 @@ _LEAST_OFFSET_STD = 1e-3
 """Smallest standard deviation of the common error of all ranges [m]."""
 
 
+ALL, CHALLENGER, TAKEN = 1, 2, 3
+"""Which filters begin: all at the fix, only the challenger, or all where the challenger is."""
 _FIXED = 19
 """Numbers of a `_Fixed`."""
 
@@ -46,7 +48,7 @@ def initial() -> Values:
     """The states of a start, at the start time."""
     return {
         "passes": 0, "damping": 0, "fix": ca.SX.zeros(3), "fixed": ca.SX.zeros(_FIXED),
-        "beginning": 0,
+        "kind": ALL, "beginning": 0, "challenged": 0, "lead": 0,
     }
 
 
@@ -55,6 +57,7 @@ def begun(x: Symbols, anew: Any) -> Values:
     return {
         "passes": ca.if_else(anew, least_squares.PASSES, x.passes),
         "damping": ca.if_else(anew, least_squares.FIRST_DAMPING, x.damping),
+        "kind": ALL,
     }
 
 
@@ -74,20 +77,28 @@ def anew(row: int) -> tuple[Loop, Loop]:
         mean, covariance = _joined(
             p, x.every.mean[row, :].T, x.every.covariance[row, :].T, _fixed(x.fixed)
         )
+        taken = x.beginning == TAKEN
+        anew = x.beginning == ALL
+        other = bank.EXTRA
         return {
-            "mean": mean,
-            "covariance": covariance,
+            "mean": ca.if_else(taken, x.every.mean[other, :].T, mean),
+            "covariance": ca.if_else(taken, x.every.covariance[other, :].T, covariance),
             "weight": bank.begun(p)[0] * (x.row == 0)
             + bank.begun(p)[1] * (x.row > 0) * (x.row < bank.MODELS),
-            "beginning": x.row < bank.ROWS - 1,
-            "mixed": x.epoch,
-            "nis": 0,
-            "nis_degrees": 0,
+            "beginning": ca.if_else(x.row == bank.ROWS - 1, 0, x.beginning),
+            "mixed": ca.if_else(x.beginning == CHALLENGER, x.mixed, x.epoch),
+            "challenged": ca.if_else(anew, x.epoch, x.challenged),
+            "lead": 0,
+            "nis": ca.if_else(anew, 0, x.nis),
+            "nis_degrees": ca.if_else(anew, 0, x.nis_degrees),
         }
+
+    def begins(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Any:
+        return (x.beginning > 0) * ca.fmax(x.beginning != CHALLENGER, x.row == bank.EXTRA)
 
     return (
         Loop("anew", lambda p, x, u, t: x.passes, step),
-        Loop("begin", lambda p, x, u, t: x.beginning, begin, each=bank.STATES),
+        Loop("begin", begins, begin, each=bank.STATES),
     )
 
 
@@ -278,7 +289,7 @@ def _pass(p: Symbols, x: Symbols, u: Symbols, mean: Any) -> Values:
     return {
         "fix": fix.position,
         "fixed": fixed.numbers,
-        "beginning": last,
+        "beginning": last * x.kind,
         "damping": x.damping * ca.if_else(better, 0.01, 100),
         "passes": ca.if_else(last, 0, x.passes - 1),
     }

@@ -17,6 +17,7 @@ from ..declaration import (
     is_one_of,
     not_zero,
     parameter,
+    switch,
     tick_interval,
 )
 from ..ports import BEACONS, DEPTH, ESTIMATE, PING_POSE, RECEPTION, SYSTEM, ports, terminal
@@ -118,6 +119,8 @@ SYSTEM_TERMINALS = (
     terminal("pose", "pose", "The platform's pose in the packets of those receptions", PING_POSE),
     terminal("system", "system", "Newest estimate of the system around the receiver", SYSTEM),
 )
+WATCH = switch("watch", "Watch for a wrong lock: begin a challenger every minute, which takes over "
+               "if the ranges prefer it", start=False)
 FILTER = (
     *START,
     MOTION,

@@ -10,12 +10,12 @@ from __future__ import annotations
 
 from ...ports import PING_POSE, SYSTEM
 from ..receiver import ReceiverDeclaration
-from ..variables import FILTER, SYSTEM_TERMINALS, WITH_BUOYS, receiver
+from ..variables import FILTER, SYSTEM_TERMINALS, WATCH, WITH_BUOYS, receiver
 
 COMPONENT = receiver(
     "Coupled", 8,
     "A Kalman filter of diver, platform and their sensors' errors, with late arrivals and arcs",
-    FILTER,
+    (*FILTER, WATCH),
     inputs=PING_POSE,
     outputs=SYSTEM,
     terminals=SYSTEM_TERMINALS,
