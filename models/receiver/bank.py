@@ -22,11 +22,11 @@ from ..equations import Loop, Symbols, Values
 from .estimate import pack, unpack
 from .least_squares import symmetric
 
-PSDS = (0.03, 0.003, 0.3)
+PSDS = (0.03, 0.003, 0.3, 3.0)
 """Density q that each filter assumes [m²/s³]."""
 MEMORY = 40.0
 """Mean time for which a diver keeps to one q [s]."""
-_EVERY = 4.0
+EVERY = 4.0
 """Time between mixings [s]: a tenth of the memory, so that what they cost is shared by many
 ranges."""
 MODELS = len(PSDS)
@@ -182,7 +182,7 @@ def loops(kept: Sequence[int], n: int) -> tuple[Loop, ...]:
 
     return (
         Loop("show", lambda p, x, u, t: several(p, x) * (x.epoch != x.shown_epoch), show),
-        Loop("average", lambda p, x, u, t: several(p, x) * (x.epoch - x.mixed >= _EVERY), average),
+        Loop("average", lambda p, x, u, t: several(p, x) * (x.epoch - x.mixed >= EVERY), average),
         Loop("mix", lambda p, x, u, t: x.mixing * (x.row < MODELS), mix, each=STATES),
     )
 

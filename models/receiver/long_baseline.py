@@ -117,7 +117,8 @@ def _process(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     begins = turned.begins * (is_depth == 0)
     # A range that is too short is not late: a filter that knows of the turn reads it again.
     again = begins * (innovation < 0)
-    score = lateness.score(p, x.score, share, is_depth == 0)
+    short = (1 - share) * (innovation < 0) * (begins == 0)
+    score = lateness.score(p, x.score, share, short, is_depth == 0)
     anew = (score > lateness.LIMIT) * s.enough * (begins == 0)
     K = c / S
     used = (again == 0) * share

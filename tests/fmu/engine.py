@@ -111,7 +111,7 @@ class Engine:
             place = next(i for i, a in enumerate(arguments) if isinstance(a, np.ndarray))
             x[self.places] = arguments[place]
             arguments = (*arguments[:place], x, *arguments[place + 1 :])
-        if function == "guard":
+        if function.endswith("guard"):
             arguments = (*arguments, c)
         getattr(self.library, f"call_{function}")(
             *(
@@ -120,7 +120,9 @@ class Engine:
                 for a in arguments
             )
         )
-        return {"guard": c, "output": x[: self.n_y]}.get(function, x[self.places])
+        if function.endswith("guard"):
+            return c
+        return x[: self.n_y] if function == "output" else x[self.places]
 
     def outputs(self, y: Array, name: str) -> Array:
         """The rows of one output."""

@@ -69,4 +69,16 @@ API void call_body(int loop, int variant, double *x, const double *u, const doub
 {
     model_body(loop, variant, m_true(1.0), x, u, p, w, t);
 }
+#ifdef HAS_EACH
+API void call_row_guard(int loop, int variant, int row, double *x, const double *u,
+                        const double *p, double t, double *c)
+{
+    model_row_guard(loop, variant, row, x, u, p, t, c);
+}
+API void call_row_body(int loop, int variant, int row, double *x, const double *u,
+                       const double *p, double t)
+{
+    model_row_body(loop, variant, row, m_true(1.0), x, u, p, t);
+}
+#endif
 #endif

@@ -5,11 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 from sblcosim.fmus.build import compiler
 from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.declaration import Component
+from sblcosim.models.equations import Model
 
 from .engine import Array, Engine
 
@@ -123,6 +125,26 @@ def test_every_number_of_lanes_gives_the_same_bits(
     assert tried >= len(builds) // 2
 
 
+def rows_of(model: Model, loop: str) -> list[Array]:
+    """Places in the state of the rows that a loop goes through."""
+    places = model.places(loop)
+    return [
+        np.concatenate([first + n * width + np.arange(width) for first, _, width in places])
+        for n in range(places[0][1])
+    ]
+
+
+def without(function: Any, own: Array) -> Any:
+    """A body whose result has the row only at its end."""
+    def called(*arguments: Any) -> Any:
+        result = np.ravel(function(*arguments).full())
+        n = len(arguments[0])
+        return ca.DM(np.concatenate([np.delete(result[:n], own), result[n:]]))
+
+    called.size1_in = function.size1_in
+    return called
+
+
 def relative(actual: Array, expected: Array) -> float:
     np.testing.assert_array_equal(np.isnan(actual), np.isnan(expected))
     actual, expected = np.nan_to_num(actual), np.nan_to_num(expected)
@@ -180,6 +202,19 @@ def test_compiled_functions_agree_with_casadi(
                 engine.call("output", variant, x, now, p, t), functions.output, x, now, p, t
             )
             for number, loop in enumerate(loops):
+                if loop in engine.model.each:
+                    for row, own in enumerate(rows_of(engine.model, loop)):
+                        compare(
+                            engine.call("row_guard", number, variant, row, x, now, p, t),
+                            functions.guards[loop], x, now, p, t, x[own], row,
+                        )
+                        there = engine.call("row_body", number, variant, row, x, now, p, t)
+                        compare(
+                            np.concatenate([np.delete(there, own), there[own]]),
+                            without(functions.bodies[loop], own),
+                            x, now, p, np.zeros(0), t, x[own], row,
+                        )
+                    continue
                 compare(
                     engine.call("guard", number, variant, x, now, p, t),
                     functions.guards[loop], x, now, p, t,

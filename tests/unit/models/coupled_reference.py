@@ -6,7 +6,7 @@ and a start is least squares over position and clock by SciPy. Nothing is taken 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -70,14 +70,15 @@ def fit(points: Array, body: Array) -> tuple[Array, Array]:
     return points.mean(0) - R @ body.mean(0), R
 
 
-def punctual(p: Mapping[str, Any], nu: float, S: float) -> float:
-    """Probability that a range is not late."""
+def punctual(p: Mapping[str, Any], nu: float, S: float) -> tuple[float, float]:
+    """Probability that a range is not late, and density of the innovation."""
     chance, m = p["outlier_probability"], p["outlier_mean"]
     normal = np.exp(-(nu**2) / (2 * S))
     a = (np.sqrt(S) / m - nu / np.sqrt(S)) / np.sqrt(2)
     late = normal * erfcx(a) if a > 0 else np.exp(S / (2 * m**2) - nu / m) * erfc(a)
     inside = (1 - chance) * normal / np.sqrt(2 * np.pi * S)
-    return float(inside / (inside + chance / (2 * m) * late + 1e-4 / 50))
+    density = inside + chance / (2 * m) * late + 1e-4 / 50
+    return float(inside / density), float(density)
 
 
 def retracted(mean: Array, d: Any) -> Any:
@@ -113,6 +114,7 @@ class Reference:
         self.p = p
         self.ready = p["initialisation"] == 2
         self.located, self.score, self.restarts, self.updates = False, 0.0, 0, 0
+        self.density = 1.0
         self.nis, self.degrees, self.epoch, self.depth_epoch = 0.0, 0, 0.0, 0.0
         self.counts = np.zeros(4)
         self.down, self.pose_epoch = 0.0, 0.0
@@ -146,16 +148,10 @@ class Reference:
         using = self.ready
         queue.sort()
         for n, (epoch, which) in enumerate(queue):
-            self.predict(max(epoch - self.epoch, 0.0))
-            self.epoch = max(epoch, self.epoch)
-            if which:
-                self.packet(u, which - 1, using)
-            elif using:
-                self.depth(u["depth"])
+            self.sample(u, epoch, which, using)
             if n + 1 < len(queue) and which == 0 and queue[n + 1][0] == epoch:
                 continue  # a depth and a packet are one
-            too_fast = length(self.mean[V]) > self.p["speed_limit"]
-            if using and enough and self.located and (self.score > 12 or too_fast):
+            if using and enough and self.located and (self.score > 12 or self.too_fast()):
                 self.score, using, fix = 0.0, False, True
                 self.restarts += 1
             if using and self.located:
@@ -165,6 +161,19 @@ class Reference:
         self.updates += self.ready
         if fix:
             self.anew(u)
+
+    def sample(self, u: Mapping[str, Any], epoch: float, which: int, using: bool) -> None:
+        """Take a sample: the depth, or the packet of a beacon, counted from 1."""
+        self.predict(max(epoch - self.epoch, 0.0))
+        self.epoch = max(epoch, self.epoch)
+        if which:
+            self.packet(u, which - 1, using)
+        elif using:
+            self.depth(u["depth"])
+
+    def too_fast(self) -> bool:
+        """Whether the estimate is not credible."""
+        return bool(length(self.mean[V]) > self.p["speed_limit"])
 
     def sampled(self) -> None:
         """A sample has been used."""
@@ -374,13 +383,17 @@ class Reference:
             value += (1 - k) * arm + second
             R += by_cos * arm**2 + by_sin * first**2 + 2 * second**2
         nu = z - value
-        share = punctual(p, nu, H @ P @ H + R)
+        share, self.density = punctual(p, nu, H @ P @ H + R)
         d, nis = self.update(nu, H, R, share)
         self.correct(d)
         self.nis += nis
+        self.heard(share, (1 - share) * (nu < 0))
+
+    def heard(self, share: float, short: float) -> None:
+        """Count a range that is punctual with this probability, or too short with this one."""
         self.degrees += share > 0.5
-        evidence = np.log(0.9 / max(p["outlier_probability"], 0.01))
-        self.score = max(0.0, self.score + (1 - share) * evidence - 1.1 * share)
+        evidence = np.log(0.9 / max(self.p["outlier_probability"], 0.01))
+        self.score = max(0.0, self.score + (1 - share) * evidence - 1.1 * share + 8 * short)
 
     def anew(self, u: Mapping[str, Any]) -> None:
         """A fix from the newest receptions: least squares over position and clock."""
@@ -510,3 +523,92 @@ def closed_form(beacons: Array, z: Array, depth: float) -> Array:
     right = ((q**2).sum(1) - z**2) / 2 - q[:, 2] * (depth - mean[2])
     horizontal = np.linalg.lstsq(q[:, :2].T @ q[:, :2], q[:, :2].T @ right, rcond=None)[0]
     return np.array([*(mean[:2] + horizontal), depth])
+
+
+class Learning(Reference):
+    """Filters with a density of the acceleration each, as an interacting multiple model.
+
+    In the form of the textbooks: probabilities of the transitions between the filters, and for each
+    filter a mixture of all. It is one receiver: `Reference` has what the filters share.
+    """
+
+    def __init__(self, p: Mapping[str, Any], psds: Sequence[float], memory: float, every: float
+                 ) -> None:
+        super().__init__(p)
+        self.psds, self.memory, self.every = np.array(psds), memory, every
+        self.filters = [_Filter({**p, "acceleration_psd": q}) for q in psds]
+        self.weights = np.full(len(psds), 1 / len(psds))
+        self.mixed = 0.0
+        self.follow()
+
+    def follow(self) -> None:
+        """Take the moments of the mixture."""
+        self.mean = np.einsum("k,ki->i", self.weights, [f.mean for f in self.filters])
+        self.P = sum(
+            w * (f.P + np.outer(f.mean - self.mean, f.mean - self.mean))
+            for w, f in zip(self.weights, self.filters, strict=True)
+        )
+
+    def sample(self, u: Mapping[str, Any], epoch: float, which: int, using: bool) -> None:
+        """All filters take it; their ranges weigh them."""
+        self.epoch = max(epoch, self.epoch)
+        for f in self.filters:
+            f.density, f.shares, f.nis = 1.0, (0.0, 0.0), 0.0
+            f.sample(u, epoch, which, using)
+        first = self.filters[0]
+        self.located, self.arm, self.down = first.located, first.arm, first.down
+        parts = self.weights
+        self.nis += float(parts @ [f.nis for f in self.filters])
+        self.degrees += using * (which == 0)
+        if which and using and self.located:
+            share, short = (float(v) for v in parts @ [f.shares for f in self.filters])
+            self.heard(share, short)
+        self.weights = parts * [f.density for f in self.filters]
+        self.weights /= self.weights.sum()
+
+    def too_fast(self) -> bool:
+        """Whether more than half of the weight is."""
+        return bool(self.weights @ [float(f.too_fast()) for f in self.filters] > 0.5)
+
+    def tick(self, u: Mapping[str, Any]) -> None:
+        """One update; then the filters are mixed, if it is time."""
+        super().tick(u)
+        self.follow()
+        self.shown = self.weights
+        if not self.ready or self.epoch - self.mixed < self.every:
+            return
+        stay, n = np.exp(-(self.epoch - self.mixed) / self.memory), len(self.psds)
+        transitions = stay * np.eye(n) + (1 - stay) / n
+        ahead = transitions.T @ self.weights
+        share = transitions * self.weights[:, None] / ahead
+        means = np.array([f.mean for f in self.filters])
+        mixed = share.T @ means
+        off = means[:, None] - mixed[None]
+        covariances = [
+            sum(share[i, j] * (f.P + np.outer(off[i, j], off[i, j]))
+                for i, f in enumerate(self.filters)) for j in range(n)
+        ]
+        for f, m, P in zip(self.filters, mixed, covariances, strict=True):
+            f.mean, f.P = m, P
+        self.weights, self.mixed = ahead, self.epoch
+
+    def anew(self, u: Mapping[str, Any]) -> None:
+        """A fix of the first filter, and all others begin there."""
+        first = self.filters[0]
+        first.counts, first.depth_epoch = self.counts, self.depth_epoch
+        first.anew(u)
+        for f in self.filters:
+            f.mean, f.P, f.ready = first.mean.copy(), first.P.copy(), True
+        self.weights = np.full(len(self.psds), 1 / len(self.psds))
+        self.nis, self.degrees, self.mixed = 0.0, 0, self.epoch
+
+    def output(self) -> dict[str, Any]:
+        """Outputs of the mixture, and what it believes."""
+        return super().output() | {"motion_psd": float(np.exp(self.shown @ np.log(self.psds)))}
+
+
+class _Filter(Reference):
+    """One of them: it only says what it makes of a range."""
+
+    def heard(self, share: float, short: float) -> None:
+        self.shares = (share, short)

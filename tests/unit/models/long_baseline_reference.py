@@ -151,7 +151,8 @@ class Reference:
             doubt = max(self.doubt + np.log(turned / (punctual + late)), 0.0)
             begins = doubt > 9
             evidence = np.log(0.9) - np.log(max(p["outlier_probability"], 0.01))
-            score = max(self.score + (1 - share) * evidence - 1.1 * share, 0.0)
+            short = (1 - share) * (innovation < 0) * (not begins)
+            score = max(self.score + (1 - share) * evidence - 1.1 * share + 8 * short, 0.0)
             anew = score > 12 and enough and not begins
             again = begins and innovation < 0
             self.anchor[i] = about

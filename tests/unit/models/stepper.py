@@ -146,6 +146,9 @@ class Stepper:
             if i < outermost:
                 continue
             outermost = i + 1 + self.model.inner.get(loop, 0)
+            if loop in self.model.each:
+                self._each(loop, t)
+                continue
             turns = 0
             while self._call(self.functions.guards[loop], self.x, self._u, self._p, t)[0]:
                 self.x = self._call(self.functions.bodies[loop], self.x, self._u, self._p,
@@ -155,6 +158,20 @@ class Stepper:
                 self._repeat(loops[i + 1:outermost], t_ns)
                 turns += 1
                 assert turns < MOST_TURNS, f"loop {loop} does not end"
+
+    def _each(self, loop: str, t: float) -> None:
+        """A loop over each row of some states."""
+        places = self.model.places(loop)
+        for n in range(places[0][1]):
+            own = np.concatenate([
+                np.arange(first + n * width, first + (n + 1) * width) for first, _, width in places
+            ])
+            row = self.x[own]
+            if self._call(self.functions.guards[loop], self.x, self._u, self._p, t, row, n)[0]:
+                result = self._call(self.functions.bodies[loop], self.x, self._u, self._p, [], t,
+                                    row, n)
+                self.x = result[: len(self.x)]
+                self.x[own] = result[len(self.x):]
 
     def _rows(self, occasion: str, *arguments: Array) -> list[list[float]]:
         """The rows of parameters that a function reads, if there are any."""

@@ -8,11 +8,11 @@ from typing import Any
 import harness
 import numpy as np
 import pytest
-from coupled_reference import PSI, SINK, Reference
+from coupled_reference import PSI, SINK, Learning, Reference
 from harness import CROSS, NS, Array, at_rest, hear, model, straight
 from raft import LINE, Raft
 from sblcosim.models import RECEIVERS
-from sblcosim.models.receiver import surroundings
+from sblcosim.models.receiver import bank, surroundings
 from stepper import Stepper
 
 HERE = np.array([12.0, -7.0, 5.0])
@@ -26,7 +26,7 @@ OUTLIERS = {"outlier_probability": 0.1, "outlier_mean": 3.0}
 def covariance(box: Stepper) -> Array:
     """P of the filter."""
     P = np.zeros((surroundings.STATES,) * 2)
-    P[np.triu_indices(len(P))] = box.state("covariance")
+    P[np.triu_indices(len(P))] = box.state("covariance")[0]
     return P + np.triu(P, 1).T
 
 
@@ -114,6 +114,37 @@ def test_restarts_are_the_same(pose_source: int) -> None:
     assert reference.restarts >= 1
 
 
+# --- Motion that is learned ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("pose_source", [1, 2, 3])
+@pytest.mark.parametrize("start", [{}, PRIOR], ids=["first receptions", "prior"])
+@pytest.mark.parametrize("late", [{}, OUTLIERS], ids=["punctual", "late"])
+def test_learned_motion_is_an_interacting_multiple_model(
+    pose_source: int, start: Mapping[str, Any], late: Mapping[str, Any]
+) -> None:
+    result = Raft().dive(
+        LINE, {**start, **late, "pose_source": pose_source, "acceleration_psd": -1.0},
+        acoustics=NOISY | late, steps=160,
+    )
+    reference = Learning(result.receiver.p, bank.PSDS, bank.MEMORY, bank.EVERY)
+    harness.follow(result, reference, 2e-6)
+    assert reference.epoch > 2 * bank.EVERY
+    for name, value in reference.output().items():
+        np.testing.assert_allclose(
+            result.receiver.y[name], value, rtol=2e-6, atol=2e-5, err_msg=name
+        )
+
+
+def test_learned_motion_restarts_as_one() -> None:
+    wrong = {**PRIOR, "prior_position": (34.0, -2.0, 5.0), "acceleration_psd": -1.0}
+    result = Raft().dive(LINE, wrong, acoustics=NOISY, steps=150)
+    reference = Learning(result.receiver.p, bank.PSDS, bank.MEMORY, bank.EVERY)
+    harness.follow(result, reference, 2e-6)
+    assert reference.restarts >= 1
+    assert result.receiver.y["restart_count"] == reference.restarts
+
+
 # --- Odd circumstances ---------------------------------------------------------------------------
 
 
@@ -163,7 +194,7 @@ def test_the_defaults() -> None:
         "platform_velocity_std": 0.05, "platform_velocity_time": 40.0, "heading_rate_std": 0.02,
         "heading_rate_time": 3.0, "tilt_std": 0.07, "imu_heading_std": 0.0,
         "imu_heading_error_std": np.radians(3.0), "imu_heading_error_time": 1e6,
-        "imu_tilt_std": np.radians(0.5),
+        "imu_tilt_std": np.radians(0.5), "watch": False,
     }
 
 
@@ -260,7 +291,7 @@ def test_a_std_of_zero_switches_a_state_off(
     assert finite(box)
     P = covariance(box)
     assert (P[list(states)] == 0).all()
-    assert (np.array(box.state("mean"))[list(states)] == 0).all()
+    assert (np.array(box.state("mean"))[0, list(states)] == 0).all()
 
 
 def test_all_switched_off() -> None:
@@ -296,7 +327,7 @@ def test_headings_beyond_half_a_turn(turning: float, pose_source: int) -> None:
     y = result.receiver.y
     assert y["restart_count"] == 0
     truth = raft.true(y["epoch"])[1][2]
-    off = result.receiver.state("mean")[PSI] - truth
+    off = result.receiver.state("mean")[0, PSI] - truth
     assert abs((off + np.pi) % (2 * np.pi) - np.pi) < 0.15
     assert result.distance[-50:].max() < 2.0
 
@@ -396,7 +427,7 @@ def test_what_it_says_of_the_system() -> None:
     truth = LINE(y["epoch"])[0]
     np.testing.assert_allclose(y["platform_position"], place, atol=1.0)
     assert np.linalg.norm(y["relative_position"] - (truth - place)) < 0.6
-    mean = result.receiver.state("mean")
+    mean = result.receiver.state("mean")[0]
     assert y["clock_offset"] == mean[surroundings.CLOCK] / 1500.0
     assert y["sound_speed"] == 1500.0 / (1 + mean[surroundings.SPEED])
     # κ < 0 where sound is faster than assumed, and a clock that is ahead makes ranges longer.

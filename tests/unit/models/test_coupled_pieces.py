@@ -204,7 +204,8 @@ def test_the_probability_of_a_punctual_range(chance: float, mean: float, S: floa
         late = exponnorm.pdf(nu, mean / root, scale=root)
     assert np.isfinite(late).all()
     expected = inside / (inside + chance * late + 1e-4 / 50)
-    got = [number(lateness.punctual(p, ca.SX(v), ca.SX(S)))[0] for v in nu]
+    pairs = [lateness.densities(p, ca.SX(v), ca.SX(S)) for v in nu]
+    got = [number(punctual / (punctual + other))[0] for punctual, other in pairs]
     np.testing.assert_allclose(got, expected, rtol=1e-6, atol=1e-9)
 
 
