@@ -3,8 +3,8 @@
 A diver who turns, stops and goes on does not move with white acceleration of one density q. Each
 filter of the bank assumes another q. The likelihood of the ranges weighs them. The depth takes no
 part: its sensor is so precise that it would decide, about the vertical alone. Now and then the
-filters are mixed, as if the diver changed from each q to any of them within `MEMORY` (H. A. P. Blom,
-Y. Bar-Shalom, IEEE Trans. Autom. Control 33, 1988, 780-783).
+filters are mixed, as if the diver kept to one q for `MEMORY` on average, and then changed to any of
+them (H. A. P. Blom, Y. Bar-Shalom, IEEE Trans. Autom. Control 33, 1988, 780-783).
 
 A bank has a row for each filter: the states "mean", "covariance" (its upper triangle) and "weight".
 """
