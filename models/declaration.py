@@ -16,6 +16,8 @@ Causality = Literal["parameter", "input", "output"]
 Type = Literal["Float64", "Int32", "Boolean"]
 Variability = Literal["fixed", "continuous", "discrete"]
 Number = float | int | bool
+Bounds = tuple[float | None, float | None]
+"""Smallest and largest value, inclusive; None: there is none."""
 Starts = Callable[[tuple[int, ...]], tuple[Number, ...]]
 """Makes the start values of an array of this shape, row by row."""
 TerminalKind = Literal[
@@ -148,13 +150,18 @@ class Variable:
         Start value of a parameter or an input: one number for all elements, one number per element,
         or, if a size is a constant of the build, a function that makes them for a shape.
     min, max
-        Bounds of every element, inclusive.
+        Bounds of every element, inclusive. Named values extend them.
     choices
         Values and names of the alternatives, if the variable is an Int32 that selects one.
     needs
         Requirements for the parameter to have an effect.
+    named
+        Values outside the declared bounds that have a name: ``{"learned": -1.0}``. People give the
+        name, or a number within the declared bounds. A named value has no unit.
     starting
         The function that made ``start``, if any.
+    declared
+        Bounds as declared, if named values have extended them.
     """
 
     name: str
@@ -169,7 +176,9 @@ class Variable:
     variability: Variability | None = None
     choices: Mapping[int, str] | None = None
     needs: Needs = ()
+    named: Mapping[str, float] | None = None
     starting: Starts | None = field(default=None, repr=False, compare=False)
+    declared: Bounds | None = field(default=None, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         for word, value, known in (
@@ -201,6 +210,32 @@ class Variable:
                 object.__setattr__(self, "variability", "discrete")
             elif not isinstance(self.start, int) or self.start not in self.choices:
                 raise ValueError(f"{self.name}: start {self.start!r} is not one of its choices")
+        if self.named and self.declared is None:
+            self._extend(self.named)
+
+    def _extend(self, named: Mapping[str, float]) -> None:
+        """Let the bounds include the named values."""
+        if self.shape or self.type != "Float64" or self.choices is not None:
+            raise ValueError(f"{self.name}: only a number can have named values")
+        low, high = self.min, self.max
+        for name, value in named.items():
+            if (low is None or value >= low) and (high is None or value <= high):
+                raise ValueError(f"{self.name}: {name!r} must be outside the bounds of numbers")
+        values = named.values()
+        object.__setattr__(self, "declared", (low, high))
+        object.__setattr__(self, "min", None if low is None else min(low, *values))
+        object.__setattr__(self, "max", None if high is None else max(high, *values))
+
+    @property
+    def bounds(self) -> Bounds:
+        """Bounds of the values that have no name."""
+        return (self.min, self.max) if self.declared is None else self.declared
+
+    @property
+    def unnamed(self) -> Variable:
+        """The variable without named values."""
+        low, high = self.bounds
+        return replace(self, named=None, declared=None, min=low, max=high)
 
     @property
     def size(self) -> int:
@@ -234,9 +269,11 @@ class Variable:
 
     @property
     def legend(self) -> str:
-        """The description with the choices spelled out, if there are any."""
+        """The description with the choices or named values spelled out, if there are any."""
         if self.choices is None:
-            return self.description
+            return "; ".join(
+                (self.description, *(f"{v:g}: {k}" for k, v in (self.named or {}).items()))
+            )
         return f"{self.description}: " + ", ".join(f"{k} {v}" for k, v in self.choices.items())
 
     @property

@@ -20,14 +20,14 @@ from sblcosim.cli.documents.by_command import DOCUMENTS, schema
 from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.declaration import INT32_MAX, Component, Condition, Variable
 from sblcosim.models.settings.assumptions import SOURCES
-from sblcosim.models.settings.keys import default, in_file_units
+from sblcosim.models.settings.keys import default
 from sblcosim.results import more
 from sblcosim.scenario.likes import LIKES
 from sblcosim.scenario.scenario import Scenario, load
 from sblcosim.scenario.schema import (
     COMMON,
     CORE_COMPONENTS,
-    most,
+    range_of,
     rows,
     toml,
 )
@@ -164,13 +164,14 @@ def _default(component: Component, variable: Variable) -> str:
 def _bounds(component: Component, variable: Variable) -> str:
     if variable.choices is not None or variable.type == "Boolean":
         return ""
+    names = "".join(f", or `{toml(name)}`" for name in variable.named or ())
     low, high = (
-        None if bound is None or bound == INT32_MAX else _short(in_file_units(variable, bound))
-        for bound in (variable.min, most(variable.max))
+        None if bound is None or bound == INT32_MAX else _short(bound)
+        for bound in range_of(variable)
     )
     if high is None:
-        return "" if low is None else f"at least {low}"
-    return f"at most {high}" if low is None else f"{low} to {high}"
+        return names.removeprefix(", or ") if low is None else f"at least {low}{names}"
+    return f"at most {high}{names}" if low is None else f"{low} to {high}{names}"
 
 
 def _short(number: float) -> str:

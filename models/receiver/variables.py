@@ -49,13 +49,14 @@ START = (
     parameter("prior_velocity_std", "Prior, and after the first receptions: standard deviation of "
               "the velocity, per axis", "m/s", start=1.0, min=0.0),
 )
-PSD = parameter("acceleration_psd", "Power spectral density q of the white acceleration per axis; "
-                 "the other form of Q takes the variance q / dt", "m2/s3", start=0.01, min=0.0)
-MOTION = parameter("acceleration_psd", "Power spectral density q of the white acceleration per "
-                   "axis; a negative one is learned", "m2/s3", start=0.01, min=-1.0)
+_PSD = "Power spectral density q of the white acceleration per axis"
+PSD = parameter("acceleration_psd", _PSD, "m2/s3", start=0.01, min=0.0)
+MOTION = parameter("acceleration_psd", f"{_PSD}: a number, or learned from the ranges", "m2/s3",
+                   start=0.01, min=0.0, named={"learned": -1.0})
 MODEL = (
     *START,
-    choice("process_noise", "Form of Q", PROCESS_NOISE, 1, needs=(not_zero("acceleration_psd"),)),
+    choice("process_noise", "Form of Q; the second one takes the variance q / dt", PROCESS_NOISE, 1,
+           needs=(not_zero("acceleration_psd"),)),
     PSD,
 )
 NOISE = choice("measurement_noise", "Diagonal of R: squares of the standard deviations, or "

@@ -1,7 +1,8 @@
 """From keys of a scenario to parameters of the FMUs: units, bounds and starts.
 
 A key holds the value of a parameter in the unit of its suffix: angles are in degrees, choices are
-names, arrays are flat, row by row.
+names, arrays are flat, row by row. Instead of a number it may hold the name of a named value, which
+is in no unit.
 """
 
 from __future__ import annotations
@@ -18,9 +19,11 @@ from ..ports import BEACONS
 from . import either
 
 OF_RECEIVERS: Mapping[str, Variable] = {
-    v.key: v for receiver in RECEIVERS.values() for v in receiver.of("parameter")
+    v.key: v
+    for named in (False, True) for receiver in RECEIVERS.values()
+    for v in receiver.of("parameter") if bool(v.named) is named
 }
-"""Parameters of all our receivers, by key."""
+"""Parameters of all our receivers, by key. Where they differ, one that has named values."""
 
 
 def is_list(variables: Iterable[Variable], variable: Variable) -> bool:
@@ -51,7 +54,7 @@ def _range(unit: str | None, low: float | None, high: float | None) -> tuple[flo
 
 def within(variable: Variable, value: Any) -> Any:
     """The value of a scenario file, clipped to the bounds of the declaration."""
-    low, high = _range(variable.unit, variable.min, variable.max)
+    low, high = _range(variable.unit, *variable.bounds)
     if variable.shape:
         return tuple(either.clipped(v, low, high) for v in value)
     return value if variable.choices is not None else either.clipped(value, low, high)
@@ -71,7 +74,7 @@ def to_si(variable: Variable) -> Callable[[Any], Any] | None:
     elif variable.unit is not None and variable.unit.startswith("rad"):
         scalar = either.radians
     if not variable.shape:
-        return scalar
+        return _or_named(variable, scalar) if _has_names(variable) else scalar
     # The number of beacons may vary: the declaration at hand may be for another number.
     beacons = variable.rows is not None and variable.rows.name == BEACONS.name
     rest = () if beacons else variable.starts
@@ -83,10 +86,33 @@ def to_si(variable: Variable) -> Callable[[Any], Any] | None:
     return convert
 
 
+def _has_names(variable: Variable) -> bool:
+    """Whether the key of a parameter may hold a name in place of a number."""
+    ours = OF_RECEIVERS.get(variable.key)
+    return bool(variable.named or (ours is not None and ours.named))
+
+
+def _or_named(
+    variable: Variable, convert: Callable[[Any], Any] | None
+) -> Callable[[Any], Any]:
+    """A conversion that also takes names; for a name that only others have, the start value."""
+    named, start = variable.named or {}, variable.starts[0]
+
+    def converted(value: Any) -> Any:
+        if isinstance(value, str):
+            return named.get(value, start)
+        return value if convert is None else convert(value)
+
+    return converted
+
+
 def default(component: Component, variable: Variable) -> Any:
     """Start value of a parameter, in the form and unit of a scenario file."""
     if variable.choices is not None:
         return variable.choices[int(variable.starts[0])]
+    for name, value in (variable.named or {}).items():
+        if value == variable.starts[0]:
+            return name
     if variable.type != "Float64":
         return variable.starts if variable.shape else variable.starts[0]
     if is_list(component.variables, variable):

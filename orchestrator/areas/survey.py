@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from sblcosim.fmus.read.ports import Fmu
 from sblcosim.fmus.stopping import interruptible
 from sblcosim.models import RECEIVERS
+from sblcosim.models.settings.keys import in_si
 
 from ..errors import ConfigurationError, check_choice, instance, shortened
 from ..judge.pooling import Pooled, pooled
@@ -146,13 +147,19 @@ def map_area(
 
 
 def doubt_of(circle: Circle, scenario: Scenario, label: str, receiver: Source | None) -> str:
-    """Whether the circle is too fast for one of our receivers; nothing is known of others."""
+    """Whether the circle is too fast for one of our receivers; nothing is known of others.
+
+    A receiver that learns q allows for any circle.
+    """
     own = receiver or scenario.receiver.fmu or scenario.receiver.type
-    key = "acceleration_psd_m2_s3"
     ours = RECEIVERS[own].of("parameter") if isinstance(own, str) and own in RECEIVERS else ()
-    if key not in {variable.key for variable in ours}:
+    psd = next((variable for variable in ours if variable.name == "acceleration_psd"), None)
+    if psd is None:
         return ""
-    return circle.doubt(label, getattr(scenario.receiver, key))
+    given = getattr(scenario.receiver, psd.key)
+    q = float(psd.starts[0] if given is None else in_si(psd, given))
+    text = "" if q < 0 else circle.doubt(label, q)
+    return f'{text}; or use {psd.key} = "learned"' if text and psd.named else text
 
 
 def _surveyed(

@@ -149,7 +149,7 @@ def smooth(
         A result, or its folder.
     overrides
         Keys of ``[receiver]`` to change, for example ``{"receiver.acceleration_psd_m2_s3":
-        0.003}``.
+        0.003}``. With ``"learned"``, the smoother takes the median of what `coupled` learned.
     passes
         Maximum number of Gauss-Newton passes.
 
@@ -176,6 +176,7 @@ def smooth(
     label = start.ran(record)
     if label is None:
         record, label = start.run_coupled(record, p, scenario), COUPLED
+    p = model.settled(p, label, record)
     track = smoother.smooth(p, received, start.trajectory(record, label, p, received), passes)
     estimates = outcome.of_states(p, received, track.mean, track.covariance)
     origin = outcome.origin_of(p, SMOOTHER, looks_back=True, steps_m=track.steps_m)
@@ -185,7 +186,10 @@ def smooth(
 def prepared(
     run: Result | str | Path, overrides: Changes = ()
 ) -> tuple[Result, Any, Samples, Scenario]:
-    """A run with the inputs of an estimator after it: parameters, samples, and their scenario."""
+    """A run with the inputs of an estimator after it: parameters, samples, and their scenario.
+
+    The parameters may leave q to be learned; see `sblcosim.estimation.model.settled`.
+    """
     if isinstance(run, str | Path):
         run = read_run(run)
     if not isinstance(run, Result) or not isinstance(run.scenario, Scenario):

@@ -27,16 +27,37 @@ from sblcosim.models.receiver.variables import INITIALISATION
 from sblcosim.models.settings.keys import in_si
 
 from ..data.estimates import Integers
+from ..data.motion import motion_psd
+from ..data.record import Record
 from ..data.samples import Samples
 from ..scenario.scenario import Scenario
 from .linear import Floats, Problem
 
 Indices = NDArray[np.intp]
 PRIOR = number_of(INITIALISATION, "prior")
+_PSD = "acceleration_psd"
+
+
+def psd_of(receiver: str | None, record: Record) -> float:
+    """q of the diver's motion as a receiver learned it [m²/s³]: the median over its updates.
+
+    The start value of `coupled` without a receiver, or for one that does not say what it learned.
+    """
+    learned = None if receiver is None else motion_psd(record, receiver)
+    return float(COUPLED[_PSD].starts[0]) if learned is None else float(np.median(learned))
+
+
+def settled(p: Any, receiver: str | None, record: Record) -> Any:
+    """The parameters with a number for q: if it is to be learned, that of `psd_of`."""
+    if p.acceleration_psd >= 0:
+        return p
+    return SimpleNamespace(**vars(p) | {_PSD: psd_of(receiver, record)})
 
 
 def parameters(scenario: Scenario, start: Floats) -> Any:
     """The parameters of `coupled` in a scenario, as attributes, in SI units and in their shapes.
+
+    Its FMU takes them as they are; `settled` makes those of a model.
 
     Parameters
     ----------

@@ -52,7 +52,7 @@ from ..data.samples import Samples
 from ..errors import ConfigurationError, shortened
 from ..results.result import Result
 from ..scenario.overrides import Changes
-from . import late, model, outcome
+from . import late, model, outcome, start
 from .after import prepared
 from .linear import Floats
 
@@ -153,6 +153,7 @@ def particle_filter(
                 f"{name}: must be a whole number of at least {least}, got {shortened(repr(value))}"
             )
     result, p, samples, _ = prepared(run, overrides)
+    p = model.settled(p, start.ran(result.record), result.record)
     estimates = filtered(p, samples, particles, seed)
     origin = outcome.origin_of(p, LABEL, particles=particles, seed=seed)
     return outcome.beside(result, LABEL, estimates, origin)

@@ -227,7 +227,10 @@ class Question(Shown):
 
     def quantity(self, name: str, level: Level) -> str:
         """A level for people, with its unit if it is a number."""
-        unit = "" if isinstance(level, str) else self.study.units[name]
+        study = self.study
+        factor = study.factors.get(name) or study.conditions[name]
+        number = not isinstance(level, str) or level in factor.numbers
+        unit = study.units[name] if number else ""
         return f"{level_shown(level)} {unit}".rstrip()
 
     def price(self, cost: float) -> str:

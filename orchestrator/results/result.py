@@ -26,6 +26,7 @@ from ..scenario.labels import RAW
 from ..shown import Picture
 from . import more, notebook, text
 from .figures.artist import drawing
+from .motion import Motion, motions, too_lively
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -146,7 +147,14 @@ class Result(Answer):
     @property
     def remarks(self) -> Sequence[str]:
         """Remarks on the run, as sentences."""
-        return self.description.remarks
+        path = None if self.limits is None else self.limits.acceleration_psd
+        own = () if path is None else too_lively(self.motion, self.origins, path)
+        return [*self.description.remarks, *own]
+
+    @cached_property
+    def motion(self) -> dict[str, Motion]:
+        """What receivers assumed or learned about the diver's motion."""
+        return motions(self.origins, self.record, self.receivers)
 
     @cached_property
     def table(self) -> pd.DataFrame:
@@ -428,6 +436,7 @@ class Result(Answer):
                 },
                 "summary": self.summary.to_dict(orient="index"),
                 "limits": {name: v.to_json() for name, v in self.verdicts.items()},
+                "motion": {name: it.to_json() for name, it in self.motion.items()},
             }
         )
         return result

@@ -23,6 +23,7 @@ from ..words.shares import percent
 if TYPE_CHECKING:
     from ..data.record import Record
     from ..limits.verdict import Possible
+    from .motion import Motion
 
 
 class ToldResult(Protocol):
@@ -53,6 +54,8 @@ class ToldResult(Protocol):
     def consistency(self) -> Mapping[str, Mapping[str, Verdict]]: ...
     @property
     def verdicts(self) -> Mapping[str, Possible]: ...
+    @property
+    def motion(self) -> Mapping[str, Motion]: ...
 
 
 _HEADS = {
@@ -315,7 +318,7 @@ def _cell(value: Any, column: TableColumn, size: int) -> str:
 
 
 def about(result: ToldResult, receiver: str) -> list[str]:
-    """Availability and consistency of a receiver, in words."""
+    """Availability, motion of the diver and consistency of a receiver, in words."""
     row: Any = result.summary.loc[receiver]
     if not row.estimates:
         return [f"{receiver}: no estimate; {silence(result, receiver)}"]
@@ -326,6 +329,8 @@ def about(result: ToldResult, receiver: str) -> list[str]:
     ]
     if pd.notna(row.update_share):
         lines.append(f"  {percent(row.update_share, '.1f')} of the updates gave a new estimate")
+    if receiver in result.motion:
+        lines.append(f"  {result.motion[receiver]}")
     for name, words in _CONSISTENCY.items():
         if pd.notna(row[name]):
             lines.append(f"  mean {words} {row[name]:.2f}, {_compared(row, name)}")

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import marshal
+import math
 import operator
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from itertools import compress
 from pathlib import Path
 from types import MappingProxyType
@@ -15,7 +16,7 @@ from typing import Any, cast
 from sblcosim.fmus.host.nanoseconds import nanoseconds
 from sblcosim.fmus.read.ports import Port, ports_of, read
 from sblcosim.fmus.standard import Fmi
-from sblcosim.models import declared
+from sblcosim.models import RECEIVERS, declared
 from sblcosim.models.declaration import Variable
 from sblcosim.models.ports import BEACON_POSITIONS, PING_POSE, RECEPTION
 from sblcosim.models.settings.keys import to_si
@@ -29,7 +30,7 @@ from ..simulation.user.receivers import of_fmu, of_folder
 from . import tracks
 from .own_keys import values_of
 from .scenario import Scenario, Source
-from .schema import SHARED_PARAMETERS, TRUE, Table, given_of
+from .schema import SHARED_PARAMETERS, TRUE, Receiver, Table, given_of
 from .sources import known_source, named
 
 
@@ -177,6 +178,11 @@ def foreign(table_name: str, scenario: Scenario, source: Source, own: bool) -> P
     values = {"seed": scenario.seed, **_values(_rows(table.variables.values()), content)}
     if built is not None:  # reported as for our receivers
         wanted |= {table.variables[key].name for key in assumed}
+    if table_name == "receiver":
+        wanted -= {
+            _NAMED[key].name for key, value in by_name(scenario).items()
+            if not takes(fmu, key, value)
+        }
     parameters = {k: v for k, v in values.items() if k in has and k in wanted}
     further = table.parameters or {}
     if built is not None:
@@ -191,6 +197,41 @@ def foreign(table_name: str, scenario: Scenario, source: Source, own: bool) -> P
     inputs = frozenset(port.name for port in ports.values() if port.causality == "input")
     spec = ComponentSpec(fmu, nanoseconds(table.interval_s), parameters)
     return Part(spec, frozenset(ports), inputs)
+
+
+_NAMED: Mapping[str, Variable] = {k: v for k, v in Receiver.variables.items() if v.named}
+"""Keys of ``[receiver]`` that may hold the name of a value."""
+
+
+def by_name(scenario: Scenario) -> dict[str, float]:
+    """Keys of ``[receiver]`` that hold the name of a value, and the values."""
+    given = {key: getattr(scenario.receiver, key) for key in _NAMED}
+    return {
+        key: named[given[key]] for key, v in _NAMED.items()
+        if given[key] in (named := v.named or {})
+    }
+
+
+def takes(source: Source, key: str, value: float) -> bool | None:
+    """Whether a receiver takes a named value; None if it has no such parameter.
+
+    It does if the bounds of its parameter include the value. One that does not keeps its start
+    value.
+    """
+    ours = isinstance(source, str) and source in RECEIVERS
+    ports = _ports_of_ours(str(source)) if ours else ports_of_source("receiver", source)
+    port = ports.get(_NAMED[key].name)
+    if port is None or port.causality != "parameter":
+        return None
+    low, high = port.min[0], port.max[0]
+    least, _ = _NAMED[key].bounds
+    below = least is not None and value < least
+    return low <= value <= high and math.isfinite(low if below else high)
+
+
+@cache
+def _ports_of_ours(name: str) -> Mapping[str, Port]:
+    return ports_of(RECEIVERS[name])
 
 
 def _check_beacons(scenario: Scenario, source: Source, ports: Mapping[str, Port]) -> None:

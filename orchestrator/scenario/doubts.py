@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from sblcosim.models import RECEIVERS
 from sblcosim.models.receiver.receivers import FOUND
 from sblcosim.models.settings.beacons import beacons_of
 
 from ..simulation.plans.alike import alike
 from ..simulation.user.receivers import of_fmu
+from ..words.lists import listed, plural
 from . import arrangement
+from .components import by_name, takes
 from .scenario import Scenario, Source
 from .tracks import ABOVE
 
@@ -30,9 +33,31 @@ def doubts(scenario: Scenario, chosen: Mapping[str, Source]) -> Iterator[str]:
         The receivers of the run, by label.
     """
     yield from _of_receivers(scenario, chosen)
+    yield from _of_names(scenario, chosen)
     yield from _of_waypoints(scenario)
     yield from _of_sound(scenario)
     yield from _of_arrangement(scenario)
+
+
+def _of_names(scenario: Scenario, chosen: Mapping[str, Source]) -> Iterator[str]:
+    """Named values that no receiver of the run takes.
+
+    A file may have one for its own receiver when another one runs.
+    """
+    own = scenario.receiver.type
+    for key, value in by_name(scenario).items():
+        found = {label: takes(source, key, value) for label, source in chosen.items()}
+        kept = [label for label, does in found.items() if does is False]
+        where = scenario.where("receiver", key)
+        for_own = own is not None and takes(own, key, value)
+        if not kept or True in found.values() or (for_own and not where.startswith("override ")):
+            continue
+        others = [name for name in RECEIVERS if takes(name, key, value)]
+        keep = plural(len(kept), "keeps its start value", "keep their start values")
+        yield (
+            f"{where}: {getattr(scenario.receiver, key)!r} is for {listed(others)}; "
+            f"{listed(kept)} {keep}"
+        )
 
 
 def _of_waypoints(scenario: Scenario) -> Iterator[str]:

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from sblcosim.models.declaration import Variable
-from sblcosim.models.settings.keys import in_file_units
 
-from .arrays import most
-from .schema import TABLES
+from .schema import TABLES, range_of, toml
 from .units import unit_of
 
 
@@ -26,10 +24,8 @@ def _range(variable: Variable | None) -> str:
         return ": " + ", ".join(variable.choices.values())
     if variable.type == "Boolean":
         return ""
-    low, high = (
-        None if bound is None else f"{in_file_units(variable, bound):g}"
-        for bound in (variable.min, most(variable.max))
-    )
+    names = "".join(f", or {toml(name)}" for name in variable.named or ())
+    low, high = (None if bound is None else f"{bound:g}" for bound in range_of(variable))
     if high is None:
-        return "" if low is None else f"; at least {low}"
-    return f"; at most {high}" if low is None else f"; {low} to {high}"
+        return names if low is None else f"; at least {low}{names}"
+    return f"; at most {high}{names}" if low is None else f"; {low} to {high}{names}"

@@ -209,7 +209,7 @@ Overrides = TypedDict(
             "white_noise_acceleration",
             "piecewise_constant_acceleration",
         ] | None,
-        "receiver.acceleration_psd_m2_s3": float | None,
+        "receiver.acceleration_psd_m2_s3": float | Literal["learned"] | None,
         "receiver.measurement_noise": Literal["variance", "literal"] | None,
         "receiver.gate": float | None,
         "receiver.gate_limit": int | None,

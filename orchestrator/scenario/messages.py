@@ -10,10 +10,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from ..errors import nearest, quoted, shortened
-from .schema import (
-    Table,
-    toml,
-)
+from .schema import NAMED, Table, toml
 
 # --- Messages ------------------------------------------------------------------------------------
 
@@ -64,6 +61,8 @@ def requirement(error: ErrorDetails) -> tuple[str, list[str]]:
     if kind == "literal_error":
         choices = re.findall(r"'([^']*)'", context["expected"])
         return f"must be {context['expected']}", choices
+    if kind == NAMED:
+        return error["msg"], context["names"]
     wording = {
         "float_type": "must be a number",
         "finite_number": "must be a finite number",

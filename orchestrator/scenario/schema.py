@@ -27,7 +27,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 from sblcosim.fmus.host.nanoseconds import MAX_SECONDS, nanoseconds, settled
 from sblcosim.models import COMPONENTS, RECEIVERS
-from sblcosim.models.declaration import Variable
+from sblcosim.models.declaration import Bounds, Variable
 from sblcosim.models.ports import BEACONS
 from sblcosim.models.settings.keys import OF_RECEIVERS, in_file_units, is_list
 from sblcosim.models.settings.presets import DECLARED
@@ -125,12 +125,18 @@ def table_field(kind: type[_T]) -> Any:
     return Field(default_factory=partial(empty, kind))
 
 
-def _annotation(variables: Iterable[Variable], variable: Variable) -> Any:
-    """Type of a key, with the bounds from the declaration."""
+def range_of(variable: Variable) -> Bounds:
+    """Bounds of the numbers of a key, in its unit."""
     low, high = (
         None if bound is None else in_file_units(variable, bound)
-        for bound in (variable.min, most(variable.max))
+        for bound in map(most, variable.bounds)
     )
+    return low, high
+
+
+def _annotation(variables: Iterable[Variable], variable: Variable) -> Any:
+    """Type of a key, with the bounds from the declaration."""
+    low, high = range_of(variable)
     annotation: Any
     if variable.choices is not None:
         annotation = Literal[tuple(variable.choices.values())]
@@ -138,6 +144,8 @@ def _annotation(variables: Iterable[Variable], variable: Variable) -> Any:
         annotation = bool
     elif variable.type == "Int32":
         annotation = Annotated[int, Field(ge=low, le=high)]
+    elif variable.named:
+        annotation = _or_name(tuple(variable.named), low, high)
     else:
         annotation = Annotated[float, Field(ge=low, le=high, allow_inf_nan=False)]
         if variable.name in _TICKS:
@@ -151,6 +159,42 @@ def _annotation(variables: Iterable[Variable], variable: Variable) -> Any:
             WithJsonSchema(json_schema(variable, counts, low, high)),
         ]
     return annotation
+
+
+def _or_name(names: tuple[str, ...], low: float | None, high: float | None) -> Any:
+    """Type of a number within bounds that may be given by a name instead."""
+    bounds = {"minimum": low, "maximum": high}
+    number = {"type": "number"} | {k: v for k, v in bounds.items() if v is not None}
+    return Annotated[
+        float | Literal[names],
+        BeforeValidator(partial(_number_or_name, names, low, high)),
+        WithJsonSchema({"anyOf": [number, {"enum": [*names]}]}),
+    ]
+
+
+def _number_or_name(
+    names: tuple[str, ...], low: float | None, high: float | None, value: Any
+) -> Any:
+    if isinstance(value, str) and value in names:
+        return value
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        must = "a number"
+    elif not math.isfinite(value):
+        must = "a finite number"
+    elif low is not None and value < low:
+        must = f"at least {low:g}"
+    elif high is not None and value > high:
+        must = f"at most {high:g}"
+    else:
+        return float(value)
+    words = " or ".join(map(repr, names))
+    raise PydanticCustomError(
+        NAMED, "must be {must} or {words}", {"must": must, "words": words, "names": [*names]}
+    )
+
+
+NAMED = "named"
+"""Kind of the error in a number that may be given by a name; its context has the ``names``."""
 
 
 def table_class(name: str, variables: Iterable[Variable], extra: Mapping[str, Any]) -> type[Table]:

@@ -133,7 +133,9 @@ class Receiver:
     parameters
         The class's own parameters and their start values: numbers, switches, or arrays of numbers.
         The scenario sets them with ``[receiver] parameters = {…}``. A name that one of our
-        receivers has, such as ``acceleration_psd``, is set with that receiver's key.
+        receivers has, such as ``acceleration_psd``, is set with that receiver's key. A number that
+        may be given by a name there, such as ``"learned"``, must begin with the value of the name
+        (−1) in a class that takes it. Otherwise the class keeps its start value.
     outputs
         Outputs of an estimate besides position and epoch, for example ``("velocity",
         "covariance")``.
@@ -274,7 +276,9 @@ class Receiver:
                 kind, values = "Float64", values.astype(float)
             starts = tuple(values.ravel().tolist()) if values.shape else values.item()
             if name in _KNOWN:
-                yield replace(_KNOWN[name], start=starts)
+                known = _KNOWN[name]
+                learns = starts in (known.named or {}).values()
+                yield replace(known if learns else known.unnamed, start=starts)
             else:
                 yield parameter(name, name, shape=values.shape, start=starts, type=kind)
 

@@ -85,11 +85,14 @@ def _of_function(
     campaign: Campaign, runs: Sequence[Run], model: StandIn, children: Children | None
 ) -> pd.DataFrame:
     """The table of a function that replaces the simulation."""
-    names = [*campaign.study.varied]
+    numbers = {name: factor.numbers for name, factor in campaign.study.varied.items()}
     given = [
-        (dict(zip(names, campaign.points[run.place].values, strict=True)), run.seed)
+        ({
+            name: numbers[name].get(value, value)
+            for name, value in zip(numbers, campaign.points[run.place].values, strict=True)
+        }, run.seed)
         for run in runs
-    ]
+    ]  # fmt: skip
     with patience(campaign.step_timeout):
         values = stand_in.values_of(model, given, children)
     columns = _about(campaign, runs) | {f"{model.name}.{VALUE}": values}

@@ -30,6 +30,7 @@ from .tables import (
     DesignTable,
     FactorTable,
     flat,
+    named,
 )
 
 
@@ -77,7 +78,7 @@ def problems(study: Definition) -> Iterator[str]:
             continue
         try:
             if study.design.kind != "grid" and name in study.factors:
-                _ = designs.Factor(name, factor.values).numbers
+                _ = designs.Factor(name, tuple(map(named, factor.levels))).numbers
             designs.Factor(name, factor.values)
         except ConfigurationError as error:
             yield f"{prefix} levels: {str(error).partition(': ')[2]}"

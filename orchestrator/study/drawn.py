@@ -42,7 +42,7 @@ def factor_of(
     names: tuple[str, ...] = ()
     # A choice sets names. The points show whether the scenario accepts them.
     for key in factor.keys if of_keys and law.distribution != "choice" else ():
-        known = _schemas().get(key, {})
+        known = _of_numbers(_schemas().get(key, {}))
         low = max(low, known.get("minimum", -math.inf))
         high = min(high, known.get("maximum", math.inf))
         whole = known.get("type") == "integer"
@@ -51,6 +51,11 @@ def factor_of(
         if known.get("type") == "boolean":
             names = ("true", "false")
     return DrawnFactor(name, law, low, high, step or None, names, label, unit)
+
+
+def _of_numbers(schema: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The schema of a key; of one that may be a number or a name, that of its numbers."""
+    return next((it for it in schema.get("anyOf", ()) if it.get("type") == "number"), schema)
 
 
 @cache

@@ -87,13 +87,22 @@ class FactorTable(Numbers):
             return {}
         if isinstance(self.levels, Mapping):
             return {name: dict(flat(tables)) for name, tables in self.levels.items()}
-        return {named(level): dict.fromkeys(self.keys, level) for level in self.levels}
+        given = zip(self.values, self.levels, strict=True)
+        return {level: dict.fromkeys(self.keys, value) for level, value in given}
 
     @property
     def values(self) -> tuple[Level, ...]:
-        """The levels as they appear in tables: numbers, and names."""
+        """The levels as they appear in tables: numbers, or names if any of them is a name."""
         # In an array, duplicate levels must be detected.
-        return tuple(map(named, self.levels or ()))
+        levels = tuple(map(named, self.levels or ()))
+        texts = any(isinstance(level, str) for level in levels)
+        return tuple(map(_text, levels)) if texts else levels
+
+    @property
+    def numbers(self) -> Mapping[Level, Level]:
+        """The numbers among names, by how they appear in tables."""
+        levels = map(named, self.levels or ())
+        return {_text(level): level for level in levels if not isinstance(level, str)}
 
     @property
     def law(self) -> Distribution | None:
@@ -116,6 +125,12 @@ def named(level: Any) -> Level:
     """A level as it appears in tables."""
     number: Level = str(level).lower() if isinstance(level, bool) else level
     return number
+
+
+def _text(level: Level) -> str:
+    """A level among names: a number as short as it can be read back."""
+    short = level if isinstance(level, str) else f"{level:g}"
+    return short if isinstance(level, str) or float(short) == level else repr(level)
 
 
 def flat(tables: Mapping[str, Any], above: str = "") -> Iterable[tuple[str, Any]]:

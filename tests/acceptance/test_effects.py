@@ -38,8 +38,10 @@ def values_of(variable: Variable, value: Any) -> list[Any]:
         return [np.reshape(changed, (-1, *variable.shape[1:])).tolist()]
     low, high = (
         None if bound is None else in_file_units(variable, bound)
-        for bound in (variable.min, variable.max)
+        for bound in variable.bounds
     )
+    if isinstance(value, str):  # a named value
+        return [x for x in (low, high) if x is not None]
     if (variable.unit == "s" and "interval" in variable.name) or variable.name == "sampling_time":
         return [2 * value]
     step = 1 if variable.type == "Int32" else 0.37

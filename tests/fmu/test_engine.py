@@ -36,10 +36,11 @@ def plausible(component: Component, rng: np.random.Generator) -> dict[str, objec
         elif v.name in (component.interval,):
             values[v.name] = 0.1
         else:
-            low = -1.0 if v.min is None else v.min
+            least, most = v.bounds
+            low = -1.0 if least is None else least
             scale = np.maximum(np.abs(np.asarray(v.starts, float)), 0.05)
             drawn = np.asarray(v.starts, float) + scale * rng.uniform(-0.5, 0.5, v.size)
-            values[v.name] = np.clip(drawn, max(low, -1e9), min(v.max or 1e9, 1e9))
+            values[v.name] = np.clip(drawn, max(low, -1e9), min(most or 1e9, 1e9))
     return values
 
 

@@ -107,9 +107,10 @@ def _values(schema: dict[str, Any]) -> Iterator[str]:
 
     if schema.get("type") == "boolean":
         yield from ("true", "false")
-    elif "enum" in schema:
-        yield from (str(value) for value in schema["enum"] if value != TRUE)  # a word of TOML
-    elif "default" in schema:
+        return
+    words = [value for one in (schema, *schema.get("anyOf", ())) for value in one.get("enum", ())]
+    yield from (str(value) for value in words if value != TRUE)  # a word of TOML
+    if "default" in schema and schema["default"] not in words:
         yield toml(schema["default"])
 
 

@@ -92,6 +92,17 @@ class Possible(DocumentPart):
     """Estimated possible RMS error that includes them."""
 
 
+class Motion(DocumentPart):
+    """q of the diver's motion for a receiver: the density of the white acceleration."""
+
+    assumed_m2_s3: Number
+    """The number that it was given; null: it learned q from the ranges."""
+    median_m2_s3: Number
+    """Median of what it learned, over its updates; null: it does not say."""
+    last_m2_s3: Number
+    """What it had learned at its last update."""
+
+
 class Run(Document):
     """A run; everything that is by receiver has its labels as keys."""
 
@@ -110,6 +121,8 @@ class Run(Document):
     summary: Summary
     limits: dict[str, Possible]
     """Possible errors by receiver; empty if target, platform or acoustics are not ours."""
+    motion: dict[str, Motion]
+    """What receivers assumed or learned about the diver's motion; none without such a q."""
     folder: str
 
 

@@ -94,7 +94,8 @@ def budget(
         Seed of the first run and of the resampling; None: the scenario's.
     acceleration_psd
         q of the bound [m²/s³], the same for all switches. None: the receiver's, if the scenario
-        sets it, else that of the path. Cannot be set where the motion is drawn from the model.
+        sets it to a number, else that of the path. Cannot be set where the motion is drawn from the
+        model.
     workers
         Number of threads; None: all cores.
     progress
@@ -135,7 +136,8 @@ def budget(
 
     label, squares, lost, dropped = _simulated(base, chosen, told, runs, seed, simulated, done)
     if acceleration_psd is None and "acceleration_psd_m2_s3" in base.receiver.model_fields_set:
-        acceleration_psd = base.receiver.acceleration_psd_m2_s3
+        given = base.receiver.acceleration_psd_m2_s3
+        acceleration_psd = None if isinstance(given, str) else given
     possible = bounds(base, switches, seed, acceleration_psd)
     if progress is not None:
         progress(1.0)

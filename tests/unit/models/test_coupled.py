@@ -472,9 +472,9 @@ def drawn(rng: np.random.Generator) -> dict[str, Any]:
         elif v.shape:
             values[v.name] = rng.normal(scale=10 ** rng.uniform(-1, 1.5), size=v.shape)
         else:
-            low = v.min or 0.0
+            low, high = v.bounds[0] or 0.0, v.bounds[1] or np.inf
             value = max(10 ** rng.uniform(-6, 4), low)
-            values[v.name] = low if rng.random() < 0.2 else min(value, v.max or np.inf)
+            values[v.name] = low if rng.random() < 0.2 else min(value, high)
     return values
 
 

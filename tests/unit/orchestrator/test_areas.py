@@ -30,8 +30,10 @@ from sblcosim.limits import lengths, places
 from sblcosim.limits.parameters import own_beacon
 from sblcosim.limits.path import circle_psd, path_psd
 from sblcosim.limits.run import reference
+from sblcosim.models import RECEIVERS
 from sblcosim.results.responses import Percentile, Run, value_of
 from sblcosim.scenario.likes import LIKES
+from sblcosim.scenario.scenario import Scenario
 from sblcosim.simulation.how import How
 from sblcosim.simulation.masters.lanes_driver import LENGTHS
 from scipy.interpolate import RegularGridInterpolator
@@ -910,6 +912,27 @@ def test_a_circle_that_is_too_fast_for_the_receiver_is_said_to_be_so(like: str) 
     assert not wider.doubt
     assert sblcosim.map_area(source, "40x40", 8.0, radius_m=0.9 * radius, **options).doubt
     assert "turns faster" not in str(wider)
+
+
+def test_a_receiver_that_learns_allows_for_every_circle() -> None:
+    fast = motion.Circle(0.5, 1.0)
+    for q, told in (("learned", {"ekf", "sequential"}), (0.001, {*WITH_Q})):
+        scenario = sblcosim.load("realistic-dive", {"receiver.acceleration_psd_m2_s3": q})
+        found = {name: survey.doubt_of(fast, scenario, name, name) for name in RECEIVERS}
+        assert {name for name, doubt in found.items() if doubt} == told
+        ways = {name for name, doubt in found.items() if "learned" in doubt}
+        assert ways == told - {"ekf", "sequential"}
+    assert "q = 0.01 m²/s³" in survey.doubt_of(fast, learned(), "ekf", "ekf")
+    assert not survey.doubt_of(fast, learned(), "coupled", None)
+    own = sblcosim.load({"receiver": {"fmu": "mine.fmu"}})
+    assert "q = 0.01 m²/s³" in survey.doubt_of(fast, own, "ekf", "ekf")
+
+
+WITH_Q = [name for name, it in RECEIVERS.items() if "acceleration_psd" in {v.name for v in it}]
+
+
+def learned() -> Scenario:
+    return sblcosim.load("realistic-dive", {"receiver.acceleration_psd_m2_s3": "learned"})
 
 
 def test_a_circle_is_judged_by_what_the_receiver_assumes() -> None:

@@ -318,6 +318,9 @@ def test_q_is_that_of_the_receiver_then_of_the_path() -> None:
              for r in (sblcosim.run(circle, "multilateration", {"seed": n}) for n in (1, 2, 3))]
     found = sblcosim.budget(circle, "ekf", runs=30)
     assert found.acceleration_psd == pytest.approx(np.mean(paths))
+    learned = {"receiver.acceleration_psd_m2_s3": "learned"}
+    left = sblcosim.budget(circle, "ekf", learned, runs=30)
+    assert left.acceleration_psd == pytest.approx(np.mean(paths))
     asked = sblcosim.budget(circle, "ekf", runs=30, acceleration_psd=0.02)
     assert asked.acceleration_psd == pytest.approx(0.02)
     assert asked.of().loc[ALL, "bound_rms_m"] > found.of().loc[ALL, "bound_rms_m"]

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -139,6 +141,48 @@ def test_a_key_of_the_receiver_can_be_another(run: Result) -> None:
     assert speed[0] < 0.1 * speed[1]
 
 
+LEARNED = {"receiver.acceleration_psd_m2_s3": "learned"}
+
+
+def having_learned(run: Result, q: float) -> Result:
+    """The run with what `coupled` says to have learned: q in the middle of its updates."""
+    updates = run.record.values["coupled.update_count"].astype(float)
+    column = q + 1e-3 * (updates - np.median(updates[np.diff(updates, prepend=0) > 0]))
+    record = replace(run.record, values={**run.record.values, "coupled.motion_psd": column})
+    return Result(run.description, record, run.update_interval_ns)
+
+
+def test_q_that_was_learned_is_its_median_and_without_any_the_start_value(run: Result) -> None:
+    told = having_learned(run, 0.4).record
+    assert model.psd_of("coupled", told) == pytest.approx(0.4)
+    for receiver, record in (("sequential", told), (None, told), ("coupled", run.record)):
+        assert model.psd_of(receiver, record) == 0.01
+    never = replace(told, values={**told.values, "coupled.motion_psd": np.full(len(told), np.nan)})
+    assert model.psd_of("coupled", never) == 0.01
+
+
+@pytest.mark.parametrize("estimate", [
+    lambda run, q: sblcosim.smooth(run, q).result.made["smoother"],
+    lambda run, q: sblcosim.research.particle_filter(run, q, particles=200).made["particle_filter"],
+])  # fmt: skip
+def test_estimators_take_the_learned_q(run: Result, estimate: Callable[..., Any]) -> None:
+    told = having_learned(run, 0.4)
+    learned = estimate(told, LEARNED).position
+    assert np.allclose(learned, estimate(told, {**LEARNED, SET: 0.4}).position, atol=1e-9)
+    assert not np.allclose(learned, estimate(told, {SET: 0.003}).position, atol=1e-3)
+    start_value = estimate(run, LEARNED).position  # nothing was learned
+    assert np.array_equal(start_value, estimate(run, {SET: 0.01}).position)
+
+
+SET = "receiver.acceleration_psd_m2_s3"
+
+
+def test_the_manifest_of_a_smoother_has_the_number_that_it_took(run: Result) -> None:
+    smoothed = sblcosim.smooth(having_learned(run, 0.4), LEARNED)
+    taken = smoothed.result.origins["smoother"]["parameters"]["acceleration_psd"]
+    assert taken == pytest.approx(0.4)
+
+
 @pytest.mark.parametrize(
     ("key", "why"),
     [
@@ -146,6 +190,7 @@ def test_a_key_of_the_receiver_can_be_another(run: Result) -> None:
         ("receiver.gate=3.0", "must be a key of the receiver 'coupled'"),
         ("receiver.type=ekf", "must be a key of the receiver 'coupled'"),
         ("receiver.range_std_m=-1.0", "must be at least 1e-09, got -1.0"),
+        ("receiver.acceleration_psd_m2_s3=lerned", "did you mean 'learned'"),
     ],
 )
 def test_other_keys_are_refused(run: Result, key: str, why: str) -> None:

@@ -89,13 +89,13 @@ def test_every_key_has_the_bounds_type_and_text_of_its_declaration(table: str, k
     elif variable.type == "Boolean":
         wrong, right = ["yes", 1], [True, False]
     else:
-        ends = [None if b is None else in_file_units(variable, b) for b in
-                (variable.min, most(variable.max))]  # fmt: skip
+        ends = [None if b is None else in_file_units(variable, b)
+                for b in map(most, variable.bounds)]  # fmt: skip
         size = variable.size
         if key.startswith("track_"):
             size = prod(int(most(n) or 0) for n in variable.shape)
-        wrong = ["1", True, {}]
-        right = [end for end in ends if end is not None]
+        wrong = ["1", True, {}, *(variable.named or {}).values()]
+        right = [*(end for end in ends if end is not None), *(variable.named or ())]
         wrong += [end + step for end, step in zip(ends, (-1, 1), strict=True) if end is not None]
         if variable.shape:
             right, wrong = [[r] * size for r in right], [*wrong, 1.0] + [
