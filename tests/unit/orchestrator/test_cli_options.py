@@ -204,7 +204,7 @@ BAD = f"{SHORT} --set acoustics.loss_probability=0.97 --set platform.gps_horizon
 PAIR = "paper-scenario-1 --receiver ekf --receiver coupled"
 ORDERED = {
     "run": "95 % within, and the other percentages: order statistics, of n errors the one of rank ",
-    "many": "95 % in a run, or of the time: an order statistic, of a run's n errors the one of ",
+    "many": "95 % in a run: an order statistic, of a run's n errors the one of ",
     "require": "is an order statistic: of n runs, the one of rank 0.95 n, rounded up.",
     "map": "each run is represented by ten order statistics of its errors",
     "study": ORDER_STATISTIC,
