@@ -63,9 +63,13 @@ def nearest(name: str, candidates: Iterable[str]) -> str:
     Returns
     -------
     str
-        ``"; did you mean 'x'?"``, or nothing if no candidate resembles the name.
+        ``"; did you mean 'x'?"``, or nothing if no candidate resembles the name, in any case.
     """
-    matches = get_close_matches(name, list(candidates), n=1)
+    known = list(candidates)
+    spelled = {it.casefold(): it for it in reversed(known)}
+    matches = get_close_matches(name, known, n=1) or [
+        spelled[it] for it in get_close_matches(name.casefold(), spelled, n=1)
+    ]
     return f"; did you mean {matches[0]!r}?" if matches else ""
 
 

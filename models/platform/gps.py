@@ -53,6 +53,11 @@ class Grade:
     bias: float = 0.5
     correlation_time: float = 100.0
 
+    @property
+    def within(self) -> float:
+        """Radius that holds 95 % of the horizontal errors [m]."""
+        return self.horizontal * _RADIAL_95
+
 
 GRADES: Mapping[str, Grade] = {
     "standalone": Grade(3.0 / _RADIAL_95, 4.0 / _NORMAL_95),

@@ -11,6 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from ..judge.definitions import MANY_LOST
+from ..limits.unknown import brief
 from ..scenario.conditions import conditions
 from ..style import LINES, MARKERS, SMALL, ThemeName, new_figure, use
 from ..words.numbers import figure as short_number
@@ -102,10 +103,12 @@ def _handles(found: DistanceCurve, ink: str, colours: tuple[str, ...]) -> list[L
 
 
 def _caption(found: DistanceCurve) -> str:
-    """Receiver, scenario, depth, conditions and runs."""
+    """Receiver, scenario, depth, conditions and runs, and what the possible error leaves out."""
     s = found.settings
     depth = f"{short_number(found.depths[0])} m deep, " if len(found.depths) == 1 else ""
-    return (
+    parts = [
         f"{found.receiver} in {found.scenario.name}: {depth}"
-        f"{', '.join(conditions(found.scenario))}; {s['runs']:,} runs at each distance"
-    )
+        f"{', '.join(conditions(found.scenario))}",
+        f"{s['runs']:,} runs at each distance", brief(found.left_out),
+    ]  # fmt: skip
+    return "; ".join(part for part in parts if part)

@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 TABLE = "distances"
-_ROWS = 12
-"""Number of distances in the printed table without ``--verbose``."""
+_ROWS = 7
+"""Most distances in all printed tables without ``--verbose``."""
 _figures = Module("sblcosim.areas.distance_figures")
 
 
@@ -156,10 +156,11 @@ class DistanceCurve(OverPlaces):
         if verbose and s["runs"] >= data_sheet.LEAST_RUNS:
             yield data_sheet.NOTE
         lost = rows["lost_share"]
-        yield (
-            f"lost runs: {rough_percent(lost.mean())} of {rows['runs'].sum():,}, at most "
-            f"{rough_percent(lost.max())} at a distance"
-        )
+        if verbose or lost.max():
+            yield (
+                f"lost runs: {rough_percent(lost.mean())} of {rows['runs'].sum():,}, at most "
+                f"{rough_percent(lost.max())} at a distance"
+            )
         if lost.max():
             yield LOST
         bent = int((~rows["accuracy"]).sum())
@@ -169,14 +170,18 @@ class DistanceCurve(OverPlaces):
                 "platform fit"
             )
         yield from self.failed()
-        yield (
-            f"{s['runs']:,} runs at each of {s['cells']} distances, in all directions; distances "
-            f"are horizontal, from the middle of the beacons to the middle of the diver's circle"
+        if verbose:
+            yield (
+                f"{s['runs']:,} runs at each of {s['cells']} distances, in all directions; "
+                "distances are horizontal, from the middle of the beacons to the middle of the "
+                "diver's circle"
+            )
+        counted_from = (
+            f"; errors count from {s['settling_s']:g} s to {s['duration_s']:g} s" if verbose else ""
         )
         yield (
             f"the diver circles clockwise with a radius of {s['radius_m']:g} m at "
-            f"{s['speed_m_s']:g} m/s; errors count from {s['settling_s']:g} s to "
-            f"{s['duration_s']:g} s"
+            f"{s['speed_m_s']:g} m/s{counted_from}"
         )
         yield from self.warned()
 
@@ -186,15 +191,15 @@ class DistanceCurve(OverPlaces):
         Parameters
         ----------
         verbose
-            Show all distances, and what the sentence for a data sheet includes.
+            Show all distances, how they were simulated, and what the sentence for a data sheet
+            includes.
         width
             Columns to fit into; None: lines are not wrapped.
         """
         lines = [self.answer]
         for depth in self.depths:
             rows = self.at(depth)
-            most = max(_ROWS // len(self.depths), 3)
-            step = 1 if verbose else -(-len(rows) // most)
+            step = 1 if verbose else row_step(len(rows), max(_ROWS // len(self.depths), 3))
             lines += ["", f"{self.settings['error'].replace('_', ' ')} error [m] at {depth:g} m "
                       "depth", *_printed(rows[::-step][::-1], width)]  # fmt: skip
         return fitted("\n".join([*lines, "", *self._remarks(verbose)]), width)
@@ -219,6 +224,12 @@ class DistanceCurve(OverPlaces):
 
     def _gist(self) -> str:
         return f"of {self.receiver}, {len(self.distances)} distances"
+
+
+def row_step(count: int, most: int) -> int:
+    """Smallest step that picks at most some of a number of rows, if possible both ends."""
+    steps = [*range(max(-(-count // most), 1), count)]
+    return next((it for it in steps if (count - 1) % it == 0), *steps[:1] or (1,))
 
 
 def _leading(flags: Any) -> int:

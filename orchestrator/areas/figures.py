@@ -15,8 +15,10 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 
 from ..data.estimates import Floats
 from ..judge.definitions import MANY_LOST
+from ..limits.unknown import brief
 from ..results.figures.drawing import LINE, short, wrapped
 from ..results.figures.maps import LONGEST_ARM
+from ..scenario.conditions import conditions
 from ..style import SIZE, Theme, ThemeName, new_figure, use
 from ..words.lists import counted
 from ..words.numbers import meters
@@ -292,28 +294,14 @@ def _explain(
 
 
 def caption(area: AreaMap) -> str:
-    """What was mapped: scenario, depth, beacons, sensors, sea and runs."""
-    platform = area.scenario.platform
+    """What was mapped: scenario, depth, beacons, conditions and runs; and what is left out."""
+    runs, cells = int(area.cells["runs"].sum()), area.grid.count
     parts = [
         f"{area.scenario.name}, {area.grid.depth:g} m deep", counted(len(area.beacons), "beacon"),
-        "still water" if platform.beaufort is None else f"Beaufort {platform.beaufort}",
-        _sensor(platform, "GPS", "gps_grade", "gps_horizontal", "m"),
-        _sensor(platform, "compass", "imu_grade", "imu_heading", "deg"),
-        f"{counted(int(area.cells['runs'].sum()), 'run')} in {counted(area.grid.count, 'cell')}",
+        *conditions(area.scenario), f"{counted(runs, 'run')} in {counted(cells, 'cell')}",
+        brief(area.left_out),
     ]  # fmt: skip
-    return f"{'; '.join(parts)}."
-
-
-def _sensor(platform: Any, name: str, grade: str, prefix: str, unit: str) -> str:
-    """The grade of a sensor, or the size of its error."""
-    given = getattr(platform, grade)
-    if given is not None:
-        return f"{name}: {given.replace('_', ' ')}"
-    parts = [getattr(platform, f"{prefix}_{part}_{unit}", 0.0) or 0.0
-             for part in ("std", "bias", "bias_std", "markov_std")]  # fmt: skip
-    size = float(np.linalg.norm(parts))
-    error = meters(size) if unit == "m" else f"{size:.2g}°"
-    return f"{name} error {error}" if size else f"exact {name}"
+    return f"{'; '.join(part for part in parts if part)}."
 
 
 def legend_above(figure: Figure, handles: list[Any], columns: int) -> None:

@@ -71,8 +71,9 @@ class Circle:
         if change <= _ALLOWED * expected:
             return ""
         text = (
-            f"the circle turns faster than {receiver} allows for: the velocity changes by "
-            f"{change:.2g} m/s in {time_s:.2g} s, where q = {q:g} m²/s³ expects {expected:.2g} m/s"
+            f"the circle turns faster than {receiver} allows for, which makes its errors larger: "
+            f"the velocity changes by {change:.2g} m/s in {time_s:.2g} s, where q = {q:g} m²/s³ "
+            f"expects {expected:.2g} m/s"
         )
         if q == 0:
             return text

@@ -167,7 +167,8 @@ class AreaMap(OverPlaces):
         Parameters
         ----------
         verbose
-            Add how the percentiles, the sentence for a data sheet and the colours are made.
+            Add the cells, and how the percentiles, the sentence for a data sheet and the colours
+            are made.
         width
             Columns to fit into; None: lines are not wrapped.
         """
@@ -251,10 +252,11 @@ class AreaMap(OverPlaces):
 
     def _remarks(self, verbose: bool) -> Iterator[str]:
         s, found = self.settings, self.summary()
-        yield (
-            f"lost runs: {rough_percent(found['lost_share'])} of {found['runs']:,}; more than "
-            f"{percent(MANY_LOST)} in {_cells(found['cells_with_many_lost'])}"
-        )
+        if verbose or found["lost_share"]:
+            yield (
+                f"lost runs: {rough_percent(found['lost_share'])} of {found['runs']:,}; more than "
+                f"{percent(MANY_LOST)} in {_cells(found['cells_with_many_lost'])}"
+            )
         if found["lost_share"]:
             yield LOST
         if verbose:
@@ -270,10 +272,11 @@ class AreaMap(OverPlaces):
         rows, columns = self.grid.shape
         north, east = self.grid.size
         extra = f", and {found['extra_runs']:,} more near the limit" if found["extra_runs"] else ""
-        yield (
-            f"{rows} × {columns} cells of {north:.4g} m × {east:.4g} m at a depth of "
-            f"{self.grid.depth:g} m, {s['runs']} runs in each{extra}; neighbours are pooled"
-        )
+        if verbose:
+            yield (
+                f"{rows} × {columns} cells of {north:.4g} m × {east:.4g} m at a depth of "
+                f"{self.grid.depth:g} m, {s['runs']} runs in each{extra}; neighbours are pooled"
+            )
         yield f"the diver {self.motion}; errors count from {s['settling_s']:g} s to "\
               f"{s['duration_s']:g} s"
         yield from self.warned()

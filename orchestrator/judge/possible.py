@@ -81,6 +81,14 @@ def notes(possible: Mapping[str, Possible]) -> list[str]:
     return []
 
 
+def caption(limits: Limits | None, frame: str) -> str:
+    """What `draw` leaves out and what matters, for a title; empty if there is nothing to say."""
+    from ..limits.unknown import brief
+
+    found = None if limits is None or frame not in _COVARIANCE else limits.verdict()
+    return "" if limits is None or found is None else brief(found.matters, limits.kind)
+
+
 def draw(
     axes: Sequence[Axes], limits: Limits | None, frame: str, since_s: float, look: Theme
 ) -> None:

@@ -10,7 +10,7 @@ covariance σ² G⁻¹. This is an approximation: in runs of `coupled` with and 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from math import cos, sin, sqrt
 from typing import TYPE_CHECKING, Any
 
@@ -121,7 +121,13 @@ def sentence(sizes: Mapping[str, str], together: str = "") -> str:
         What is possible with them, in words; empty where that is not known.
     """
     names = [f"{words}, {size}" if size else words for words, size in sizes.items()]
-    return f"possible leaves out {listed(names)}{together and f'; {together}'}"
+    return f"{brief(names)}{together and f'; {together}'}"
+
+
+def brief(errors: Iterable[str], what: str = "possible") -> str:
+    """The sentence for a caption, without sizes; empty if nothing is left out."""
+    names = list(errors)
+    return f"{what} leaves out {listed(names)}" if names else ""
 
 
 def _by_source(scenario: Scenario) -> Iterator[tuple[str, list[str]]]:

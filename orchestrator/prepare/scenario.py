@@ -10,6 +10,7 @@ from sblcosim.fmus.read.ports import Fmu
 from ..data.description import RunDescription
 from ..data.truth import TRUTH
 from ..errors import ConfigurationError, nearest
+from ..scenario import starts
 from ..scenario.labels import RAW
 from ..scenario.scenario import Receivers, Scenario, Source
 from ..scenario.schema import CORE_COMPONENTS
@@ -47,7 +48,9 @@ def of_scenario(
     _check_truth(plan)
     labels = [*(label for label in choice.receivers if label != RAW)]
     labels += [RAW] if RAW in choice.receivers else []
-    remarks = [scenario.about_track] if scenario.about_track else []
+    own = [label for label in labels if label != RAW]
+    told = starts.told(scenario, system.components, own)
+    remarks = [it for it in (scenario.about_track, starts.sentence(told, own)) if it]
     description = RunDescription(
         scenario_name=scenario.name,
         scenario=applied(scenario, choice),

@@ -15,7 +15,7 @@ from sblcosim.models.target.variables import TRAJECTORIES
 
 from ..errors import ConfigurationError, quoted
 from ..words.lists import counted, listed
-from ..words.numbers import quantity
+from ..words.numbers import meters, quantity
 from . import conditions, effects, typed
 from .explained import explained
 from .likes import ASKED
@@ -163,8 +163,11 @@ def _rows(flat: Sequence[float]) -> list[Sequence[float]]:
 
 
 _WHITE, _GRADE = "platform.gps_horizontal_std_m", "platform.gps_grade"
-_ALSO = {"rtk": "rtk_fixed", "dgps": "differential"}
-"""Grades of GPS under the names that data sheets have for them."""
+_ALSO = {
+    "rtk": "rtk_fixed", "dgps": "differential", "egnos": "sbas", "waas": "sbas",
+    "autonomous": "standalone", "ordinary": "standalone", "normal": "standalone",
+}  # fmt: skip
+"""Grades of GPS under the names that data sheets and people have for them."""
 
 
 def _white(scenario: Scenario) -> bool:
@@ -175,7 +178,8 @@ def _white(scenario: Scenario) -> bool:
 
 
 def _gps_takes(scenario: Scenario) -> str:
-    grades = listed([*GRADES], "or")
+    sizes = [f"{name} ({meters(it.within)})" for name, it in GRADES.items()]
+    grades = f"{listed(sizes, 'or')}; in brackets what 95 % of its positions are within"
     number = f". Or: {explained(*_WHITE.split('.'))}" if _white(scenario) else ""
     return f"{grades}{number}"
 
@@ -292,7 +296,10 @@ _OF_BUOYS = "each buoy has a GPS of its own"
 _OF_BOTTOM = "beacons on the bottom have none"
 _ROWS: Mapping[str, Decision] = {
     "beacons": Decision(_beacons_keys, _beacons_takes, _beacons_shown, _beacons),
-    "mounting": _number("platform.mounting_std_m", {"buoys": _OF_BUOYS}),
+    "mounting": replace(
+        _number("platform.mounting_std_m", {"buoys": _OF_BUOYS}),
+        takes=lambda scenario: "Standard deviation of a beacon's position, per axis, in m",
+    ),
     "gps": Decision(
         lambda scenario: [_WHITE if _white(scenario) else _GRADE],
         _gps_takes, _gps_shown, _gps, {"survey": _OF_BOTTOM}, GRADES,

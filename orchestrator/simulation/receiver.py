@@ -305,8 +305,9 @@ class Receiver:
                 if value.shape != variable.shape or value.dtype.kind not in "biuf":
                     size = "×".join(map(str, variable.shape)) or "one number"
                     size = "3×3 or 6×6" if variable.name == "covariance" else size
+                    article = "an" if variable.name[0] in "aeiou" else "a"
                     raise ConfigurationError(
-                        f"{where} a {variable.name} of {size}, got {value.dtype} of shape "
+                        f"{where} {article} {variable.name} of {size}, got {value.dtype} of shape "
                         f"{value.shape}"
                     )
                 if not np.isfinite(value).all():

@@ -107,7 +107,10 @@ def map_(
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out", metavar="DIR", help="Folder for the results [default: runs/NAME-map]."
+            "--out",
+            metavar="DIR",
+            help="Folder for the results [default: runs/NAME-map or runs/NAME-distance, or the "
+            "next number if that holds another one].",
         ),
     ] = None,
     force: ForceOption = False,

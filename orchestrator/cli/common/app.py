@@ -63,6 +63,7 @@ def numeric(
 app = typer.Typer(
     cls=ErrorReportingGroup,
     no_args_is_help=True,
+    context_settings={"help_option_names": ["--help", "-h"]},
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     help="Co-simulation of a short-baseline acoustic positioning system for divers.",
@@ -283,7 +284,7 @@ def waiting(
     display = Progress(
         TextColumn("{task.description}"),
         BarColumn(),
-        TaskProgressColumn(),
+        TaskProgressColumn("{task.percentage:>3.0f} %"),
         *((TimeRemainingColumn(),) if remaining else ()),
         console=Console(stderr=True),
         transient=True,

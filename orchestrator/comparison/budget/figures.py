@@ -24,15 +24,18 @@ def plot_budget(
     """Shares of the mean square that go with each source alone, of the receiver and of the bound.
 
     Whiskers are the 95 % intervals. Sources are sorted. Below them are the error that is left when
-    all are switched, and what does not add up. Sources of 0 % are named in a line below.
+    all are switched, and what does not add up. Sources of 0 % are named in a line below, and so are
+    those that the bound does not know.
     """
     names, none = bars(budget, frame)
     rows = budget.of(frame).loc[names]
     bound = not np.isnan(rows["bound_share"]).all()
+    unseen = [budget.label(name) for name in budget.unseen(frame)] if bound else []
+    lines = bool(none) + bool(unseen)
     with use(theme, ax) as look:
         own = ax is None
         if ax is None:
-            ax = new_figure(6.4, 1.6 + 0.42 * len(names) + 0.16 * bool(none)).add_subplot()
+            ax = new_figure(6.4, 1.6 + 0.42 * len(names) + 0.16 * lines).add_subplot()
         inches = ax.figure.bbox.width / ax.figure.dpi
         labels = [fill(budget.label(name), 26 if inches > _NARROW else 16) for name in names]
         beside = max(len(line) for label in labels for line in label.split("\n"))
@@ -58,6 +61,9 @@ def plot_budget(
         if none:
             words = f"0 %: {listed([budget.label(name) for name in none])}"
             label += "\n" + fill(words.replace("0 %", "0\N{NO-BREAK SPACE}%"), across)
+        if unseen:
+            words = f"not in the {budget.bound_kind}: {listed(unseen)}"
+            label += "\n" + fill(words, across)
         ax.set_xlabel(label)
         whole = short_length(budget.of(frame)["rms_m"].iloc[0])
         rms = f"{whole} RMS".replace(" ", "\N{NO-BREAK SPACE}")

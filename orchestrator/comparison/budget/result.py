@@ -19,6 +19,7 @@ from ...judge.definitions import LOST
 from ...lazy import Module
 from ...scenario.error_sources import SOURCES
 from ...shown import Picture
+from ...words.lists import listed
 from ...words.numbers import short_length
 from ...words.shares import percent, whole_percent
 from .shares import CONFIDENCE
@@ -206,7 +207,7 @@ class Budget(Answer):
         width
             Columns of the terminal; None: lines are not wrapped.
         """
-        notes = [*self._notes(frame), *(self._method() if verbose else ())]
+        notes = [*self._notes(frame), *(self._method(frame) if verbose else ())]
         about = "" if frame == "absolute" else f"Error of the {FRAMES[frame]}. "
         lines = [f"{about}{self.answer_of(frame)}.", "", *self._rows(frame, verbose, width)]
         lines += [""] if notes else []
@@ -271,7 +272,7 @@ class Budget(Answer):
                 f"{self.dropped} seeds are left out: a run of theirs")
             yield f"{which} failed or has no estimate"
 
-    def _method(self) -> Iterator[str]:
+    def _method(self, frame: str) -> Iterator[str]:
         done = "made better" if self.better else "switched off"
         yield (
             f"{self.runs} runs with each switch, seeds from {self.seed} on, the same noise with "
@@ -283,10 +284,19 @@ class Budget(Answer):
             f"{REMAINDER}: the whole without the shares and what is left, as errors interact"
         )
         if self.bound_runs:
+            unseen = self.unseen(frame)
             yield (
                 f"{self.bound_kind}: the Cramér-Rao recursion along {self.bound_runs} runs, q = "
                 f"{self.acceleration_psd:.2g} m²/s³ whatever is switched, of whoever is told"
+                + (f"; it leaves out {listed(unseen)}" if unseen else "")
             )
+
+    def unseen(self, frame: str = "absolute") -> list[str]:
+        """Sources with a share of which the bound has no part, largest first."""
+        rows = self.of(frame)
+        seen = (rows["kind"] != "source") | (rows["bound_share"] != 0.0)
+        names = rows.index[~seen & (rows["share"].abs() >= HALF_PERCENT)].astype(str)
+        return [name for name in names if any(it.unmodelled for it in SOURCES[name].parts)]
 
     def plot(
         self, frame: str = "absolute", ax: Axes | None = None, theme: style.ThemeName = "light"

@@ -63,9 +63,8 @@ def sentences(
 
 
 def _sentence(it: Tournament, receiver: str, scenario: Scenario, where: str) -> str:
-    table, s = it.table, it.settings
-    columns = table[[f"{receiver}.{own.name}" for own in RESPONSES]]
-    bound = bound_of(columns.to_numpy(np.float64, na_value=np.nan), s["seed"])
+    s = it.settings
+    bound = bound_of(percentiles_of(it, receiver), s["seed"])
     if not np.isfinite(bound):
         return (
             f"no data-sheet sentence for {receiver}: about 5 % of the runs or more have no estimate"
@@ -76,20 +75,35 @@ def _sentence(it: Tournament, receiver: str, scenario: Scenario, where: str) -> 
     return said + (lost if row["lost"] > MANY_LOST * row["runs"] else "")
 
 
-def bound_of(percentiles: Floats, seed: int) -> float:
-    """Radius that holds 95 % of the errors of all runs, plus two standard errors [m].
+def percentiles_of(it: Tournament, receiver: str) -> Floats:
+    """Of each run's errors of a receiver, `PERCENTAGES` [m]; NaN without an estimate; (runs, 10).
+    """
+    columns = it.table[[f"{receiver}.{own.name}" for own in RESPONSES]]
+    return columns.to_numpy(np.float64, na_value=np.nan)
+
+
+def radius_of(percentiles: Floats, seed: int) -> tuple[float, float]:
+    """Radius that holds 95 % of the errors of all runs, and its standard error [m].
+
+    Both are infinite where more than 5 % of the runs have no estimate.
 
     Parameters
     ----------
     percentiles
-        Of each run's errors, `PERCENTAGES`; NaN without an estimate; (runs, 10).
+        As from `percentiles_of`.
     seed
         Seed for drawing runs.
     """
     n = len(percentiles)
     lengths = np.where(np.isnan(percentiles), np.inf, percentiles)
     found = pooled(_Runs(np.zeros(n, np.int64), lengths), np.ones(1), (1, 1), seed, 1)
-    return float(found.percentile[0] + data_sheet.CERTAIN * found.std_error[0])
+    return float(found.percentile[0]), float(found.std_error[0])
+
+
+def bound_of(percentiles: Floats, seed: int) -> float:
+    """That radius plus two standard errors [m]; arguments as in `radius_of`."""
+    radius, std_error = radius_of(percentiles, seed)
+    return radius + data_sheet.CERTAIN * std_error
 
 
 def _where(scenario: Scenario, drawn: Sequence[Result]) -> str:

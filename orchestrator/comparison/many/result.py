@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from math import isfinite
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -17,7 +18,7 @@ from ...layout import fitted
 from ...results.data_sheet import NOTE as SHEET
 from ...results.result import Result
 from ...words.numbers import measured
-from ..common.evaluation import PERCENTILE, receivers_in
+from ..common.evaluation import receivers_in
 from ..common.tables import LEVELS
 from ..tournament import sentences
 from ..tournament.result import RESPONSE, Tournament, drawings
@@ -94,21 +95,32 @@ class Many(Answer):
         row = table[table["seed"] == self.drawn_seeds[which]].iloc[0]
         return float(row[f"{self.receivers[0]}.{RESPONSE}"])
 
+    @cached_property
+    def within_m(self) -> dict[str, float]:
+        """Radius that holds 95 % of the estimates of all runs [m], by receiver; infinite where
+        more than 5 % of the runs have none."""
+        it = self.runs
+        return {
+            name: data_sheet.radius_of(data_sheet.percentiles_of(it, name), it.settings["seed"])[0]
+            for name in self.receivers
+        }
+
     @property
     def answer(self) -> str:
         """A line for each receiver: its errors, how often it was lost, and the selected runs."""
         it, place, lines = self.runs, self.scenario_name, []
         for receiver in self.receivers:
-            row, beside = (it.level(place, receiver, name) for name in (None, PERCENTILE))
+            row = it.level(place, receiver)
             runs = row["runs"]
             if row["failed"] == runs:
                 lines.append(f"{receiver}: no estimate in any of {runs} runs")
                 continue
             rms = measured(row["rms_over_runs"], "m")
-            within = measured(beside["mean"], "m")
+            radius = self.within_m[receiver]
+            within = f", 95 % within {measured(radius, 'm')}" if isfinite(radius) else ""
             lines.append(
-                f"{receiver}: {rms} RMS, {within} in 95 % of the time, lost in {row['lost']} of "
-                f"{runs} runs" + (f", failed in {row['failed']}" if row["failed"] else "")
+                f"{receiver}: {rms} RMS{within}, lost in {row['lost']} of {runs} runs"
+                + (f", failed in {row['failed']}" if row["failed"] else "")
             )
         told = [
             f"{which}: seed {seed} ({measured(self.rms_m(which), 'm')})"

@@ -16,7 +16,7 @@ from ...layout import fitted, table
 from ...results.responses import RESPONSES, readable, unit_of
 from ...words.lists import listed
 from ...words.numbers import interval, measured, rounded
-from ...words.shares import percent, percent_at_least, percent_at_most
+from ...words.shares import percent, percent_at_least, percent_at_most, rough_percent
 from ..common.evaluation import ALL, PERCENTILE
 from ..common.statistics import ALPHA, SHARE, least_runs
 from . import starts
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 _NAMED = 4
 """A list with more receivers or scenarios than this is replaced by their number."""
 WITHIN = (
-    "95 % in a run, or of the time: an order statistic, of a run's n errors the one of rank "
-    "0.95 n, rounded up; averaged over the runs. 95 % of runs: upper confidence bound of the 95th "
+    "95 % in a run: an order statistic, of a run's n errors the one of rank 0.95 n, rounded up; "
+    "averaged over the runs. 95 % of runs: upper confidence bound of the 95th "
     "percentile over the runs, by order statistics."
 )
 """Definition of the columns with percentages, for people."""
@@ -238,6 +238,8 @@ def start(it: Tournament) -> Iterator[str]:
     """Where receivers begin with different knowledge."""
     there = {place: in_place(it, place) for place in it.places if place != ALL}
     yield from starts.sentences(it.settings.get("knowing_start", {}), there)
+    if it.settings.get("same_start"):
+        yield "same start: no receiver is told where the diver is; all begin with what they receive"
 
 
 def beside(it: Tournament, place: str, receiver: str) -> Iterator[str]:
@@ -256,9 +258,10 @@ def lost(it: Tournament, place: str, receiver: str) -> Iterator[str]:
     """How often a receiver was lost, with the interval of the share."""
     row = it.level(place, receiver)
     if row["lost"]:
-        within = interval(100 * row["lost_low"], 100 * row["lost_high"], unit="%")
+        low, high = (rough_percent(row[f"lost_{end}"]) for end in ("low", "high"))
         yield (
-            f"{place}: {receiver} was lost in {row['lost']} of {row['runs']} runs, {within} of "
+            f"{place}: {receiver} was lost in {row['lost']} of {row['runs']} runs, "
+            f"{low.removesuffix(' %')} to {high} of "
             "all with 95 % confidence"
         )
 

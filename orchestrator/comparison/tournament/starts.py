@@ -6,16 +6,12 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from sblcosim.models.declaration import number_of
-from sblcosim.models.receiver.variables import INITIALISATION
-
+from ...scenario import starts
 from ...scenario.scenario import Scenario, load
 from ...scenario.schema import PRIOR_KEYS
 from ...study.campaign import prepare
 from ...study.study import Study
-from ...words.lists import listed, plural
 
-_PRIOR = number_of(INITIALISATION, "prior")
 _KEYS = ("prior", "initialisation", "prior_position_std_m", *PRIOR_KEYS)
 """Keys that set where a receiver begins."""
 
@@ -31,23 +27,13 @@ def evened(scenario: Scenario) -> Scenario:
 
 
 def knowing(study: Study) -> list[str]:
-    """Receivers of a study that are told where the diver begins, by their labels.
-
-    They begin there: at the true position, or at one that the scenario gives. A receiver without a
-    parameter for it, such as most of a user's own, begins with the first samples that it receives.
-    """
-    receiver = study.base.receiver
-    if not study.base.true_prior and receiver.initialisation != "prior":
+    """Receivers of a study that are told where the diver starts, by their labels."""
+    if not study.base.true_prior and study.base.receiver.initialisation != "prior":
         return []
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # they are issued when it runs
         campaign = prepare(study)
-    components = campaign.points[0].system.components
-    return [
-        label for label in campaign.receivers
-        if "prior_position" in (given := components[label].parameters)
-        and given.get("initialisation", _PRIOR) == _PRIOR
-    ]
+    return starts.told(study.base, campaign.points[0].system.components, campaign.receivers)
 
 
 def sentences(
@@ -63,15 +49,8 @@ def sentences(
         All receivers that ran in it.
     """
     for place, told in known.items():
-        others = [name for name in receivers[place] if name not in told]
-        if told and others:
-            verb, do = plural(len(told), "begins", "begin"), plural(len(others), "does", "do")
-            knows = plural(len(told), "knows", "know")
-            yield (
-                f"{place}: {listed(told)} {knows} where the diver starts and {verb} there; "
-                f"{listed(others)} {do} not; 'compare' with same-start lets all begin with what "
-                "they receive first"
-            )
+        if said := starts.sentence(told, receivers[place]):
+            yield f"{place}: {said}"
 
 
 def settings(studies: Sequence[Study]) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from matplotlib.layout_engine import PlaceHolderLayoutEngine
 from ...data.estimates import Floats
 from ...data.truth import recorded
 from ...errors import ConfigurationError
-from ...style import Theme, ThemeName, new_figure, use
+from ...style import SMALL, Theme, ThemeName, new_figure, use
 from . import drawing, run
 from .drawing import Tracks
 from .maps import Platform, limits_of, widened
@@ -31,6 +31,8 @@ FRAMES, PER_SECOND = 100, 10
 """Number of frames, and frames shown in a second."""
 SIZE, DPI = (8.0, 4.4), 100
 """Size [inch] and dots per inch. MP4 requires even numbers of pixels."""
+_BEYOND = 2.2
+"""Room for the names of receivers with errors above the figure [inch]."""
 MOST_POINTS = 1500
 """Most points of a curve."""
 KINDS = (".mp4", ".gif")
@@ -153,7 +155,13 @@ class Scene:
         ]  # fmt: skip
 
     def _errors(self, ax: Axes, record: Record, tracks: Tracks, look: Theme) -> None:
-        ax.set(ylim=(0, drawing.error_limit(tracks, "error_total_m", "")), ylabel="Total error [m]")
+        top = drawing.error_limit(tracks, "error_total_m", "")
+        ax.set(ylim=(0, top), ylabel="Total error [m]")
+        beyond = drawing.outside(tracks, {"error_total_m": (0.0, top)}).rpartition(": ")[2]
+        if beyond:
+            fits = drawing.inches(beyond, SMALL) < _BEYOND
+            said = f"above: {beyond}" if fits else "some errors are above"
+            ax.set_title(said, loc="left", fontsize=SMALL)
         run.time_axis([ax], record)
         self._now = ax.axvline(self._time_s[0], color=look.soft, lw=0.8)
         self._unit = run.unit_of(record)

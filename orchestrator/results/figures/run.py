@@ -80,7 +80,8 @@ def plot_errors(
     """Errors over time with each filter's ±2σ band, and the total error (the paper's Figure 14).
 
     Four axes over the whole run. `frame` is one of `definitions.FRAMES`. Receivers without errors
-    in it are omitted. `reference` is what was possible: ±2σ, and the RMS of the total.
+    in it are omitted. `reference` is what was possible: ±2σ, and the RMS of the total; the title
+    names what it leaves out, if that matters.
 
     Raises
     ------
@@ -117,6 +118,7 @@ def plot_errors(
             own,
             "estimate minus truth" + ("" if frame == "absolute" else f", {FRAME_WORDS[frame]}"),
             "bands: claimed ±2σ" if bands else "",
+            possible.caption(reference, frame),
             drawing.outside(tracks, limits),
             drawing.no_fix(tracks),
         )

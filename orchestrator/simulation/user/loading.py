@@ -146,7 +146,7 @@ def _variables(where: str, name: str, component: Any) -> tuple[Variable, ...]:
     if missing:
         raise ConfigurationError(
             f"{where}: must make a component, got {name}, whose object has no "
-            f"{' and no '.join(missing)}"
+            f"{' and no '.join(missing)}; see sblcosim.Receiver and sblcosim.PythonComponent"
         )
     declared: Any = component.variables
     must = f"{where}: variables must be a sequence of Variable, got"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 import sblcosim
 from matplotlib.animation import FFMpegWriter
@@ -84,6 +85,23 @@ def test_the_curves_grow_and_end_with_the_whole_run() -> None:
             sizes.append(len(lines["ekf"].get_xdata()))
     assert sizes[0] <= sizes[1] < sizes[2] == len(tracks["ekf"])
     assert lines["true path"].get_xdata()[-1] == pytest.approx(50.0)
+
+
+@pytest.mark.parametrize("receivers", [0, 2, 12])
+def test_errors_above_the_figure_are_named_or_said_to_be_there(receivers: int) -> None:
+    record, tracks = run_of(SHAPES["straight_east_95_m"])
+    ekf = tracks["ekf"]
+    wild = ekf.assign(error_total_m=np.where(np.arange(len(ekf)) < 3, 1e4, ekf.error_total_m))
+    more = {f"wild {i}": wild for i in range(receivers)}
+    with animation.use("light") as look:
+        scene = animation.Scene(record, {"ekf": ekf, **more}, look)
+        said = scene.figure.axes[1].get_title(loc="left")
+        scene.figure.draw_without_rendering()
+    if receivers == 12:
+        assert said == "some errors are above"
+    else:
+        assert all(f"wild {i} (3\u00a0of\u00a0{len(ekf)})" in said for i in range(receivers))
+        assert said.startswith("above: ") == bool(receivers)
 
 
 @pytest.mark.usefixtures("few")

@@ -32,6 +32,7 @@ from sblcosim.limits.path import circle_psd, path_psd
 from sblcosim.limits.run import reference
 from sblcosim.models import RECEIVERS
 from sblcosim.results.responses import Percentile, Run, value_of
+from sblcosim.scenario.conditions import conditions
 from sblcosim.scenario.likes import LIKES
 from sblcosim.scenario.scenario import Scenario
 from sblcosim.simulation.how import How
@@ -623,8 +624,8 @@ def test_the_figure_says_what_was_mapped_and_has_the_beacons_to_scale(
     said = " ".join(picture.figure.get_supxlabel().split())
     runs = f"{int(found.cells['runs'].sum()):,} runs in 24 cells"
     assert said == (
-        "realistic-dive, 5 m deep; 4 beacons; Beaufort 2; GPS error 1.2 m; compass error 3°; "
-        f"{runs}."
+        "realistic-dive, 5 m deep; 4 beacons; Beaufort 2; surge and sway of ±2.1 m; GPS error 1.2 "
+        f"m horizontal (1σ per axis); heading error 3° RMS; {runs}."
     )
     ax = picture.axes[0]
     (marks,) = [line for line in ax.lines if line.get_marker() == "^"]
@@ -894,7 +895,7 @@ def test_a_circle_that_is_too_fast_for_the_receiver_is_said_to_be_so(like: str) 
     source = LIKES[like].source
     options: dict[str, Any] = {"cells": 2, "runs": 1, **SHORT}
     found = sblcosim.map_area(source, "40x40", 8.0, **options)
-    assert found.doubt.startswith("the circle turns faster than long_baseline allows for: ")
+    assert found.doubt.startswith("the circle turns faster than long_baseline allows for, ")
     assert found.doubt in str(found)
     assert found.to_json()["doubt"] == found.doubt
     change, time_s, q, expected, radius = (
@@ -953,3 +954,23 @@ def test_a_circle_is_judged_by_what_the_receiver_assumes() -> None:
     options: dict[str, Any] = {"cells": 2, "runs": 1, **SHORT}
     foreign = sblcosim.map_area("gps-buoys", "40x40", 8.0, "multilateration", **options)
     assert not foreign.doubt
+
+
+# --- The caption ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("changes", [
+    {"platform.imu_heading_turn_on_std_deg": 2.0},
+    {"platform.imu_heading_bias_deg": 0.0, "platform.imu_heading_std_deg": 0.0},
+    {"platform.beaufort": None, "platform.roll_amplitude_deg": 9.0},
+    {"platform.beaufort": 4, "platform.gps_grade": "rtk_fixed"},
+    {"platform.mounting_std_m": 0.01},
+], ids=str)  # fmt: skip
+def test_the_caption_has_the_conditions_of_the_data_sheet(
+    found: result.AreaMap, changes: dict[str, Any]
+) -> None:
+    it = replace(found, scenario=found.scenario.override(changes.items()))
+    words = figures.caption(it)
+    assert all(part in words for part in conditions(it.scenario))
+    for wrong in ("exact", "still water"):
+        assert wrong not in words

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import re
+import threading
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,7 +13,9 @@ from typing import Any
 import pytest
 import sblcosim
 import typer
+from rich.progress import Progress
 from sblcosim.cli import app
+from sblcosim.cli.common.app import waiting
 from sblcosim.cli.common.options import in_options
 from sblcosim.fmus.build import factory
 from sblcosim.judge.definitions import LOST
@@ -197,6 +201,32 @@ def test_arguments_are_named_by_the_options_that_were_typed(
     assert in_options(line, dict(commands())["map"], typed) == (said or line)
 
 
+@pytest.mark.parametrize("name", ["", *(name for name, _ in commands())])
+def test_help_has_a_short_name_everywhere(name: str) -> None:
+    short, long = (CliRunner().invoke(app, [*name.split(), it]) for it in ("-h", "--help"))
+    assert short.exit_code == 0
+    assert short.output == long.output
+    assert short.output.startswith("Usage: ")
+
+
+def test_progress_is_said_in_per_cent_with_a_space(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Terminal(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    shown = Terminal()
+    monkeypatch.setattr("sys.stderr", shown)
+    monkeypatch.setattr("sblcosim.cli.common.app.PATIENCE", 0.0)
+    begun = threading.Event()
+    start = Progress.start
+    monkeypatch.setattr(Progress, "start", lambda it: (start(it), begun.set()))
+    with waiting("testing") as progress:
+        assert begun.wait(60.0)
+        progress(0.4)
+    assert re.search(r"\b40 %", shown.getvalue())
+    assert not re.search(r"\d%", shown.getvalue())
+
+
 # --- What stands beside a number -----------------------------------------------------------------
 
 SHORT = "--set time.duration_s=5"
@@ -204,7 +234,7 @@ BAD = f"{SHORT} --set acoustics.loss_probability=0.97 --set platform.gps_horizon
 PAIR = "paper-scenario-1 --receiver ekf --receiver coupled"
 ORDERED = {
     "run": "95 % within, and the other percentages: order statistics, of n errors the one of rank ",
-    "many": "95 % in a run, or of the time: an order statistic, of a run's n errors the one of ",
+    "many": "95 % in a run: an order statistic, of a run's n errors the one of ",
     "require": "is an order statistic: of n runs, the one of rank 0.95 n, rounded up.",
     "map": "each run is represented by ten order statistics of its errors",
     "study": ORDER_STATISTIC,

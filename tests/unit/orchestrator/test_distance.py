@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from functools import cache
 from math import hypot
 from pathlib import Path
@@ -14,7 +15,7 @@ import pytest
 import sblcosim
 import sblcosim.cli
 from sblcosim.areas import motion, runs
-from sblcosim.areas.distance_result import DistanceCurve
+from sblcosim.areas.distance_result import DistanceCurve, row_step
 from sblcosim.areas.rings import Rings, rings_of
 from sblcosim.comparison.many import data_sheet as of_many
 from sblcosim.errors import ConfigurationError
@@ -278,6 +279,41 @@ def test_from_too_few_runs_there_is_no_sentence_and_it_says_how_many_it_takes() 
     assert many.data_sheet[0] in str(many)
 
 
+SCREEN = 24
+"""Lines of a terminal, two of them to say where the result is."""
+
+
+@pytest.mark.parametrize("name", ["realistic-dive", "gps-buoys", "water-linked"])
+def test_the_first_screen_is_the_sentence_and_one_small_table(name: str) -> None:
+    source = LIKES[name].source if name in LIKES else name
+    found = sblcosim.map_distance(
+        source, 60, 5.0, runs=60, duration_s=12.0, settling_s=6.0, limit_m=5.0
+    )
+    certain = replace(found, distances=found.distances.assign(lost_share=0.0))
+    lines = certain.text(width=60).splitlines()
+    assert len(lines) <= SCREEN - 2
+    assert max(map(len, lines)) <= 60
+    rows = [line.split()[0] for line in lines if line.endswith("0 %")]
+    assert (rows[0], rows[-1]) == ("0", "60")
+    assert len(rows) == 6
+    whole = certain.text(verbose=True)
+    assert "errors count from 6 s to 12 s" in whole
+    assert "lost runs: 0 % of 1,260" in whole
+
+
+@pytest.mark.parametrize("most", [3, 7])
+def test_the_rows_of_a_short_table_are_few_and_have_the_last_distance(most: int) -> None:
+    for count in range(1, 60):
+        step = row_step(count, most)
+        rows = [*range(count)][::-step][::-1]
+        assert rows[-1] == count - 1
+        assert len(rows) <= most
+        if count > 2:
+            assert len(rows) >= 2
+        if any((count - 1) % it == 0 for it in range(-(-count // most), count - 1)):
+            assert rows[0] == 0
+
+
 def test_without_estimates_there_is_no_sentence(tmp_path: Path) -> None:
     (tmp_path / "silent.py").write_text(SILENT)
     source = f"{tmp_path / 'silent.py'}:Silent"
@@ -297,8 +333,6 @@ def test_without_estimates_there_is_no_sentence(tmp_path: Path) -> None:
 
 
 def of_bounds(found: DistanceCurve, bounds: Any, lost: Any, limit: float) -> DistanceCurve:
-    from dataclasses import replace
-
     table = found.at(4.0).assign(bound_m=bounds, p95_m=bounds, lost_share=lost)
     settings = {**found.settings, "depth_m": [4.0], "limit_m": limit}
     return replace(found, distances=table, settings=settings)

@@ -7,7 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from sblcosim.errors import ConfigurationError, ConfigurationWarning, FmuError, shortened
+from sblcosim.errors import (
+    ConfigurationError,
+    ConfigurationWarning,
+    FmuError,
+    nearest,
+    shortened,
+)
 
 
 def nested(depth: int) -> list[Any]:
@@ -15,6 +21,16 @@ def nested(depth: int) -> list[Any]:
     for _ in range(depth):
         value = [value]
     return value
+
+
+@pytest.mark.parametrize(
+    ("name", "known", "meant"),
+    [("ekff", ["ekf", "coupled"], "ekf"), ("EKF", ["ekf", "coupled"], "ekf"), ("Q", ["q"], "q"),
+     ("myfilter", ["MyFilter", "Other"], "MyFilter"), ("q", ["q_2", "Q"], "Q"), ("z", ["q"], ""),
+     ("mass_KG", ["Mass_kg", "mass_kg"], "mass_kg")],
+)  # fmt: skip
+def test_the_nearest_name_is_found_in_any_case(name: str, known: list[str], meant: str) -> None:
+    assert nearest(name, known) == (f"; did you mean {meant!r}?" if meant else "")
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import sblcosim
+from matplotlib.text import Text
 from sblcosim.limits import unknown
 from sblcosim.limits.geometry import hdop
 from sblcosim.limits.places import still_beacons
@@ -161,6 +162,38 @@ def test_maps_say_what_possible_leaves_out(kind: str, key: str) -> None:
     quiet = mapped(1e-4)
     assert quiet.to_json()["caveat"] is None
     assert "leaves out" not in str(quiet)
+
+
+# --- Figures -------------------------------------------------------------------------------------
+
+
+def words_in(picture: Any) -> str:
+    figure = picture.figure
+    return " ".join(" ".join(it.get_text() for it in figure.findobj(Text)).split())
+
+
+@pytest.mark.parametrize("size", [0.5, 1e-4])
+def test_figures_name_it_where_it_matters(size: float) -> None:
+    mounted = {"platform.mounting_std_m": size}
+    maps: list[Any] = [
+        sblcosim.map_area("realistic-dive", "40x40", 5.0, overrides=mounted, **FEW),
+        sblcosim.map_distance("realistic-dive", 40, 5.0, overrides=mounted, **FEW),
+    ]
+    for found in maps:
+        assert ("possible leaves out where the beacons" in words_in(found.plot())) == (size > 0.1)
+    run = run_with({"mounting_std_m": size})
+    assert ("reference leaves out where the" in words_in(run.plot_errors())) == (size > 0.1)
+
+
+def test_a_budget_names_what_its_reference_does_not_know() -> None:
+    changes = {**SHORT, "platform.mounting_std_m": 0.5}
+    found = sblcosim.budget("paper-scenario-1", "coupled", changes, runs=30)
+    assert found.unseen() == ["mounting"]
+    assert "it leaves out mounting" in found.text(verbose=True)
+    assert "not in the reference: mounting" in words_in(found.plot())
+    quiet = sblcosim.budget("paper-scenario-1", "coupled", SHORT, runs=30)
+    assert quiet.unseen() == []
+    assert "not in the reference" not in words_in(quiet.plot())
 
 
 def test_what_is_not_known_is_said_without_a_size() -> None:

@@ -11,14 +11,18 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import typer
 from click.testing import Result
 from sblcosim.cli import app
+from sblcosim.models.platform.gps import GRADES
 from sblcosim.scenario.decided import decided
+from sblcosim.scenario.decisions import DECISIONS
 from sblcosim.scenario.file_schema import FILE_NAME
 from sblcosim.scenario.likes import ASKED, LIKES, USUAL
 from sblcosim.scenario.scenario import Scenario, load
+from sblcosim.words.numbers import meters
 from typer.testing import CliRunner
 
 ANSWERS = {
@@ -89,6 +93,23 @@ def test_a_wrong_option_is_one_line_and_writes_nothing(options: list[str], words
     assert (done.exit_code, done.stdout) == (2, "")
     assert re.fullmatch(r"error: [^\n]*" + re.escape(words) + "\n", done.stderr), done.stderr
     assert not [*Path().iterdir()]
+
+
+def test_the_question_about_the_gps_says_how_good_each_is() -> None:
+    takes = DECISIONS["gps"].takes(load(LIKES[USUAL].source))
+    for name, grade in GRADES.items():
+        errors = np.random.default_rng(1).normal(0.0, grade.horizontal, (200_000, 2))
+        within = np.quantile(np.hypot(*errors.T), 0.95)
+        assert within == pytest.approx(grade.within, rel=0.01)
+        assert f"{name} ({meters(grade.within)})" in takes
+
+
+@pytest.mark.parametrize(("word", "grade"), [
+    ("ordinary", "standalone"), ("Autonomous", "standalone"), ("WAAS", "sbas"), ("egnos", "sbas"),
+])  # fmt: skip
+def test_a_gps_is_known_under_the_names_that_people_have_for_it(word: str, grade: str) -> None:
+    assert new("mine", "--gps", word).exit_code == 0
+    assert load("mine.toml").platform.gps_grade == grade
 
 
 def test_a_kind_of_system_is_read_in_any_case() -> None:

@@ -245,6 +245,8 @@ def test_what_is_no_receiver_is_refused_in_one_line(
          "Mine.update: the estimate must have a finite position, got [nan, 0.0, 0.0]"),
         ("return sblcosim.Estimate(1.0, (0.0, 0.0))",
          "the estimate must have a position of 3, got float64 of shape (2,)"),
+        ("return sblcosim.Estimate((0.0, 0.0), (0, 0, 0))",
+         "the estimate must have an epoch of one number, got float64 of shape (2,)"),
         ("return sblcosim.Estimate(1.0, (0, 0, 0), velocity=(0, 0, 0))",
          "the estimate must have epoch, position, as listed in the class's outputs, got epoch, "
          "position, velocity"),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import inspect
+import re
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -11,6 +13,7 @@ import pandas as pd
 import pytest
 import sblcosim
 import sblcosim.cli
+import typer
 from sblcosim.analysis import covariance
 from sblcosim.cli.documents import contents
 from sblcosim.comparison.common.evaluation import levels
@@ -20,6 +23,7 @@ from sblcosim.fmus.build.factory import build
 from sblcosim.judge.consistency import of_runs
 from sblcosim.judge.definitions import MANY_LOST
 from sblcosim.models import RECEIVERS
+from sblcosim.scenario import starts as starts_of
 from sblcosim.scenario.scenario import shipped
 from typer.testing import CliRunner
 
@@ -147,6 +151,35 @@ def test_same_start_lets_all_begin_with_what_they_receive(
     for name in {*all_, "other"} - {late}:
         assert after[name] == after["other"] > before[name]
     assert after["Mine"] == before["Mine"]
+
+
+@pytest.mark.parametrize("receivers", [["ekf"], ["ekf", "coupled"], ["multilateration"]])
+def test_a_single_run_names_them_too(receivers: list[str], mine: str) -> None:
+    """The receiver of a user's own may be the one that looks worse for it."""
+    alike = sblcosim.run(TRUE, receivers, SHORT)
+    assert said(alike) == []
+    both = sblcosim.run(TRUE, [*receivers, mine], SHORT)
+    known = [name for name in receivers if name not in WITHOUT]
+    assert bool(said(both)) == bool(known)
+    for line in said(both):
+        assert line == starts_of.sentence(known, [*receivers, "Mine"])
+        assert line in str(both)
+    assert said(sblcosim.run("realistic-dive", ["ekf", mine], SHORT)) == []
+
+
+def test_the_sentence_names_an_option_and_an_argument_that_there_are() -> None:
+    line = starts_of.sentence(["a"], ["a", "b"])
+    (command, option) = re.findall(r"'sblcosim (\w+) (--[\w-]+)'", line)[0]
+    commands = typer.main.get_command(sblcosim.cli.app).commands  # type: ignore[attr-defined]
+    assert option in [name for it in commands[command].params for name in it.opts]
+    (argument,) = re.findall(r"in Python (\w+)=", line)
+    assert argument in inspect.signature(sblcosim.compare).parameters
+
+
+def test_same_start_is_confirmed(mine: str) -> None:
+    for even in (False, True):
+        found = compared(["ekf", mine], same_start=even)
+        assert str(found).count("same start: no receiver is told where the diver is") == even
 
 
 def test_same_start_changes_nothing_where_no_start_is_told() -> None:

@@ -241,7 +241,7 @@ class Vague(Deaf):
         ({"a": Deaf()}, "receiver: must be a name, an FMU file, or a class or function that makes "
                         "the component, got an instance of Deaf"),
         (Bare, "Bare: must make a component, got Bare, whose object has no variables and no "
-               "initialise and no do_step"),
+               "initialise and no do_step; see sblcosim.Receiver and sblcosim.PythonComponent"),
         (Choosy, "Choosy: must make the component without arguments, got Choosy (missing a "
                  "required argument: 'gain')"),
         (Vague, "Vague: variables must be a sequence of Variable, got 'position' in it"),
@@ -312,7 +312,8 @@ def test_an_fmu_gets_further_parameters_of_a_receiver_of_ours_only(table: Any, k
         (5, "components: must be a mapping with target, platform, acoustics, got 5"),
         ({"target": 5}, "target: must be a class or function that makes the component, got 5"),
         ({"target": Bare}, "target: must make a component, got Bare, whose object has no variables "
-                           "and no initialise and no do_step"),
+                           "and no initialise and no do_step; see sblcosim.Receiver and "
+                           "sblcosim.PythonComponent"),
     ],
 )  # fmt: skip
 def test_a_replacement_that_is_no_component_is_refused(components: Any, message: str) -> None:
