@@ -16,6 +16,8 @@ from importlib.metadata import version as version_of
 from pathlib import Path
 from typing import Any
 
+from sblcosim.fmus.build.formulas import FONTS
+
 HERE = Path(__file__).parent
 ROOT = HERE.parent
 sys.path.insert(0, str(HERE / "extensions"))
@@ -52,6 +54,7 @@ html_title = "sblcosim"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_js_files = ["filter.js"]
+html_theme_options = {"light_css_variables": {"font-stack--math": FONTS}}
 html_copy_source = html_show_sourcelink = False
 html_additional_pages = {"index": "to-the-first-page.html"}
 templates_path = ["_templates"]

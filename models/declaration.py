@@ -189,7 +189,10 @@ class Variable:
             if value not in known:
                 raise ValueError(f"{self.name}: {word} {value!r} is not one of {list(known)}")
         if self.unit is not None and self.unit not in UNITS:
-            raise ValueError(f"{self.name}: unit {self.unit!r} is not one of {sorted(UNITS)}")
+            raise ValueError(
+                f"{self.name}: unit {self.unit!r} is not one of {sorted(UNITS)}, or None for a "
+                "plain number"
+            )
         if callable(self.start):
             object.__setattr__(self, "starting", self.start)
             object.__setattr__(self, "start", self.start(self.shape))

@@ -10,11 +10,16 @@ are not repeated: the pages of Scenario 3 share their runs.
 """
 
 import sblcosim
+from sblcosim.report import paper
 
 folder = "studies/paper-scenario-3"
 study = sblcosim.study.load("paper-scenario-3").with_replicates(10)
 study.run(folder)
 sblcosim.analysis.of_study(folder).plot_interactions()
+
+# %%
+# The paper says that the GPS interacts with the other parameters. Our interactions with it:
+print(paper.beside(29, sblcosim.analysis.of_study(folder)))
 
 # %%
 # To change a level or leave out a factor, change the study. Here the large GPS error is 1 m instead

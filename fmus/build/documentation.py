@@ -13,7 +13,7 @@ from sblcosim.models.declaration import Variable
 
 from ..standard import Fmi
 from .description import literal
-from .formulas import Symbol, linked, mathml, of_page, parser, used
+from .formulas import FONTS, Symbol, linked, mathml, of_page, parser, used
 from .ingredients import pages
 
 if TYPE_CHECKING:
@@ -39,6 +39,7 @@ def index_html(model: Model, fmi: Fmi) -> str:
     return environment.from_string(template).render(
         component=component,
         fmi=fmi,
+        fonts=FONTS,
         groups=[
             (heading, [_row(v) for v in component.of(causality)])  # type: ignore[arg-type]
             for causality, heading in _HEADINGS.items()

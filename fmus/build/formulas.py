@@ -13,6 +13,11 @@ from latex2mathml.converter import convert
 from markdown_it import MarkdownIt
 from mdit_py_plugins.dollarmath import dollarmath_plugin
 
+FONTS = (
+    '"Cambria Math", "STIX Two Math", "Latin Modern Math", "Libertinus Math", '
+    '"DejaVu Math TeX Gyre", math'
+)
+"""Fonts with large brackets, as a list in CSS: browsers do not find them by the name "math"."""
 EVERYWHERE = "Everywhere"
 """Heading of the symbols that mean the same on all pages."""
 _GREEK = (

@@ -170,7 +170,7 @@ def render(page: Page) -> str:
 
 
 def brief(page: Page) -> str:
-    """HTML for a notebook: the answers and figures; what is folded in the report is folded."""
+    """HTML for a notebook: tables, answers and figures. Tables in folded parts are left out."""
     return _environment().get_template("notebook.html.jinja").render(page=page)
 
 

@@ -21,6 +21,7 @@ from sblcosim.analysis.two_level.analysis import Factorial
 from sblcosim.analysis.two_level.ranking import tied
 from sblcosim.cli import app
 from sblcosim.report import paper
+from sblcosim.report.paper.campaigns import QUICK_REPLICATES, REPLICATES
 from sblcosim.study import store
 from shared import shared
 from typer.testing import CliRunner
@@ -330,7 +331,7 @@ def test_equal_runs_give_an_equal_report(again: tuple[str, str], text: str) -> N
     assert again[0] == text
 
 
-def test_a_notebook_shows_the_answers_and_all_figures(
+def test_a_notebook_shows_the_summary_tables_the_answers_and_all_figures(
     again: tuple[str, str], tree: Any, finished: tuple[Path, str]
 ) -> None:
     page = html5lib.parseFragment(again[1], namespaceHTMLElements=False)
@@ -339,14 +340,18 @@ def test_a_notebook_shows_the_answers_and_all_figures(
     assert sorted(shown) == sorted(drawn)
     open_ = [len(row.findall("img")) for row in page.findall("div")]
     assert open_ == [2, 2, 2]
-    answers = [words(p) for p in page.findall("p")]
+    summary = {words(caption) for caption in part(tree, "summary").iter("caption")}
+    assert summary <= {words(heading) for heading in page.iter("h4")}
+    assert len([*page.iter("table")]) == len(summary) == 2
+    answers = [words(p) for p in page.findall("p") if " falls most with " in words(p)]
     assert len(answers) == 3
     assert all(re.sub(r"\s", "", a) in re.sub(r"\s", "", finished[1]) for a in answers)
 
 
 def test_what_ours_has_in_common_with_the_paper_is_no_row(tree: Any) -> None:
     assert "equal" not in [words(cell) for cell in tree.iter("td")]
-    assert "Ours has the same depth of the receiver" in words(part(tree, "place-figure-11"))
+    said = words(part(tree, "place-figure-11"))
+    assert "Ours has the same settings: depth of the receiver 2 m, packet loss 50 %, " in said
 
 
 @pytest.mark.parametrize("number", [4, 5, 6])
@@ -365,6 +370,20 @@ def test_the_summary_comes_first_and_has_a_sentence_for_each_scenario(tree: Any)
     assert first.text == "Summary"
     answers = [words(p) for p in part(tree, "summary").findall("p") if p.get("class") == "answer"]
     assert [a[:11] for a in answers] == ["Scenario 1.", "Scenario 2.", "Scenario 3."]
+
+
+def test_the_summary_says_why_the_errors_differ(tree: Any) -> None:
+    """Half of the points have the larger GPS error, and their errors make the mean."""
+    said = words(part(tree, "summary"))
+    assert "favourable point: white GPS error 0.1 m, baseline 3 m" in said
+    assert "half of them have a GPS error of 3.5 m" in said
+
+
+def test_the_notes_on_indices_are_of_what_is_shown(tree: Any) -> None:
+    for n in paper.SCENARIOS:
+        notes = [words(p) for p in part(tree, f"ranges-{n}").iter("p") if p.get("class") == "note"]
+        assert len(notes) == len(set(notes))
+        assert not [note for note in notes if "Useful indices need" in note]
 
 
 def test_the_report_refers_to_nothing_outside(text: str) -> None:
@@ -401,6 +420,12 @@ def test_quick_is_the_same_with_few_replicates(
     text = (tmp_path / "paper" / "report" / "report.html").read_text("utf-8")
     assert "1,920 runs of the studies with 5 replicates (the paper: 50)" in text
     assert "surely larger than 1\u00a0m" in text
+
+
+def test_the_help_says_how_few_replicates_are_quick() -> None:
+    shown = CliRunner().invoke(app, ["paper", "--help"]).stdout
+    said = f"Do {QUICK_REPLICATES} replicates instead of {REPLICATES}"
+    assert said in " ".join(shown.split())
 
 
 # --- Bad input -----------------------------------------------------------------------------------

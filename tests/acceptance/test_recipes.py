@@ -204,8 +204,7 @@ def test_a_column_of_the_table_of_errors(copy: Copy) -> None:
     title = "Add a column to the table of errors"
     edits = [text for language, text in recipe(title) if language == "diff"]
     assert len(edits) == 1
-    done(copy, title)
-    text = copy.run(f"{SHORT} --verbose --out runs/verbose")
+    text = done(copy, title)
     assert re.search(r"^receiver +axis +mean +RMS +std +median$", text, re.MULTILINE)
     table = errors(copy, "median")
     assert table.columns.to_list()[-2:] == ["median_m", "n"]

@@ -12,15 +12,19 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from html import unescape
 from html.parser import HTMLParser
+from importlib.metadata import packages_distributions, requires
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urlsplit
 
 import pytest
 import sblcosim
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 from sblcosim import analysis, limits, study
 from sblcosim.cli import app
 from sblcosim.cli.documents.by_command import DOCUMENTS, schema
+from sblcosim.fmus.build.formulas import FONTS
 from sblcosim.judge.columns import TABLES
 from sblcosim.judge.definitions import AXES
 from sblcosim.report.paper.numbers import facts_of_errors, facts_of_figure
@@ -51,6 +55,14 @@ def connect(self, address, connect=socket.socket.connect):
     return connect(self, address)
 
 socket.socket.connect = connect
+"""
+ONLY_THE_EXTRAS = """
+from importlib.machinery import PathFinder
+
+def find_spec(name, path=None, target=None, found=PathFinder.find_spec):
+    return None if name.partition(".")[0] in {absent!r} else found(name, path, target)
+
+PathFinder.find_spec = find_spec
 """
 
 
@@ -83,10 +95,36 @@ class Site:
     objects: Mapping[str, Any]
 
 
+INSTALLED = {canonicalize_name(it) for names in packages_distributions().values() for it in names}
+"""Packages that are installed."""
+
+
+def needed(name: str, extras: frozenset[str], found: dict[str, frozenset[str]]) -> None:
+    """Add a package with its extras, and all that they require, to what was found."""
+    if name in found and extras <= found[name]:
+        return
+    found[name] = found.get(name, frozenset()) | extras
+    for line in (requires(name) or []) if name in INSTALLED else []:
+        one = Requirement(line)
+        if one.marker is None or any(one.marker.evaluate({"extra": e}) for e in ("", *extras)):
+            needed(canonicalize_name(one.name), frozenset(one.extras), found)
+
+
+def absent() -> list[str]:
+    """Modules here that what the README installs for the site does not bring along."""
+    named = re.search(r"pip install\s+'\.\[([\w,]*docs[\w,]*)\]'", (ROOT / "README.md").read_text())
+    assert named is not None
+    found: dict[str, frozenset[str]] = {}
+    needed("sblcosim", frozenset(named[1].split(",")), found)
+    modules = packages_distributions().items()
+    return sorted(it for it, names in modules if not {*map(canonicalize_name, names)} & {*found})
+
+
 def alone(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    """Run Python in a folder, without a network."""
+    """Run Python in a folder, without a network and with what the README installs for the site."""
     (folder / "guard").mkdir()
-    (folder / "guard" / "sitecustomize.py").write_text(NO_NETWORK)
+    guard = NO_NETWORK + ONLY_THE_EXTRAS.format(absent=absent())
+    (folder / "guard" / "sitecustomize.py").write_text(guard)
     path = os.pathsep.join([str(folder / "guard"), *filter(None, [os.environ.get("PYTHONPATH")])])
     return subprocess.run(
         [sys.executable, *arguments], cwd=folder, capture_output=True, text=True, check=False,
@@ -141,6 +179,14 @@ def built(folder: Path, drawn: Path) -> Site:
 def test_the_build_has_no_network(tmp_path: Path) -> None:
     done = alone(tmp_path, "-c", "import urllib.request as u; u.urlopen('http://192.0.2.1')")
     assert "the site must be built without a network" in done.stderr
+
+
+def test_the_build_has_only_what_the_readme_installs(tmp_path: Path) -> None:
+    assert {"pytest", "gtsam", "distributed"} <= {*absent()}
+    assert alone(tmp_path, "-c", "import sphinx, casadi, sblcosim").returncode == 0
+    other = tmp_path / "other"
+    other.mkdir()
+    assert "No module named 'distributed'" in alone(other, "-c", "import distributed").stderr
 
 
 def test_every_page_of_the_gallery_is_drawn(drawn: Path) -> None:
@@ -205,6 +251,8 @@ def drawing(block: str) -> bool:
 
 WITH_NUMBERS = ("errors along x, y and z, and the total error", "Pareto chart", "main effects")
 """What figures show that the paper gives errors or influential factors for."""
+NAMES_INTERACTIONS = 29
+"""The one figure with whose interactions the paper deals in its text."""
 
 
 def every_number_of_the_paper_is_beside_ours(site: Site) -> None:
@@ -213,7 +261,8 @@ def every_number_of_the_paper_is_beside_ours(site: Site) -> None:
         facts = facts_of_figure(number)
         page = site.folder / "docs" / "made" / "gallery" / f"{path.stem}.html"
         text = unescape(re.sub(r"<[^>]*>", "", page.read_text("utf-8")))
-        assert ("Paper" in text) == ("states" in facts or facts["shows"] in WITH_NUMBERS), path
+        expected = "states" in facts or facts["shows"] in WITH_NUMBERS
+        assert ("Paper" in text) == (expected or number == NAMES_INTERACTIONS), path
         assert "prints no number" not in text
         for what, value in facts.get("states", {}).items():
             assert re.search(rf"{re.escape(what)} +{value:,g} ", text), what
@@ -368,6 +417,8 @@ def formulas_are_typeset_and_lead_to_their_symbols(site: Site) -> None:
 PROBE = """<!DOCTYPE html><title>probe</title><pre id="found"></pre><script>
 const pages = PAGES, found = {};
 const wide = e => e.scrollWidth > e.clientWidth + 1;
+const printed = ".highlight-text, .sphx-glr-script-out, .cell_output";
+const tall = e => e.getBoundingClientRect().height;
 async function look(page, width) {
   const frame = Object.assign(document.createElement("iframe"), { width, height: 900, src: page });
   const loaded = new Promise(done => { frame.onload = done; });
@@ -380,11 +431,13 @@ async function look(page, width) {
   found[`${page} ${width}`] = {
     needed: root.scrollWidth, width: root.clientWidth, height: root.scrollHeight,
     code: [...d.querySelectorAll("pre")].filter(
-      e => wide(e) && !e.closest(".highlight-text")).length,
-    columns: [...d.querySelectorAll(".highlight-text pre")].filter(
+      e => wide(e) && !e.closest(printed)).length,
+    columns: [...d.querySelectorAll(`:is(${printed}) pre`)].filter(
       e => ["whiteSpace", "overflowX"].map(it => getComputedStyle(e)[it]) != "pre,auto").length,
     stuck: [...d.querySelectorAll("table")].filter(
       e => e.getBoundingClientRect().right > article.right + 1 && !scrolls(e)).length,
+    brackets: [...d.querySelectorAll("mtable + mo")].map(
+      e => tall(e) / tall(e.previousElementSibling)),
     fields: d.querySelectorAll("input.filter").length, article: article.width,
   };
   frame.remove();
@@ -414,9 +467,21 @@ def every_page_fits_narrow_and_wide_windows(site: Site) -> None:
             assert it["code"] == 0, f"{name}: commands that are cut off"
         elif not name.startswith("docs/made"):
             assert it["article"] > 750, f"{name}: leaves the width unused"
+    if mathematical_fonts():
+        brackets = seen["models/receiver/coupled.html 1400"]["brackets"]
+        assert len(brackets) > 3
+        assert min(brackets) > 0.9
     scenario = seen["docs/reference/scenario.html 1400"]
     assert scenario["fields"] == 1
     assert scenario["height"] < 21000
+
+
+def mathematical_fonts() -> set[str]:
+    """The fonts of formulas that are installed."""
+    if shutil.which("fc-list") is None:
+        return set()
+    listed = subprocess.run(["fc-list", ":", "family"], capture_output=True, text=True, check=True)
+    return {it for it in re.findall(r'"(.*?)"', FONTS) if it in listed.stdout}
 
 
 def test_every_public_name_says_what_it_is() -> None:

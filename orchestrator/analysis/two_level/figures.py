@@ -65,8 +65,8 @@ def plot_pareto(
         positions = np.arange(len(shown))
         handles: list[Line2D | Patch] = []
         for side, word, colour, hatch in (
-            (rises, "positive effect: more from low to high", look.receivers[0], ""),
-            (~rises, "negative effect", look.receivers[1], "///"),
+            (rises, "positive effect: larger at the high level", look.receivers[0], ""),
+            (~rises, "negative effect: smaller", look.receivers[1], "///"),
         ):
             ax.barh(positions[side], shown.to_numpy()[side], height=0.7, color=colour, hatch=hatch,
                     edgecolor=look.paper, lw=0)

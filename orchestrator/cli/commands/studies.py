@@ -368,7 +368,7 @@ def paper(
         ),
     ] = Path("paper"),
     quick: Annotated[
-        bool, typer.Option("--quick", help="Use few replicates: a look at everything.")
+        bool, typer.Option("--quick", help="Do 5 replicates instead of 50: a look at everything.")
     ] = False,
     practical: Annotated[
         float, numeric("--practical", float, "SIZE", "Effects below this do not matter [m].")

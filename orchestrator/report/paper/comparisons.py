@@ -11,10 +11,11 @@ from sblcosim.models.platform.beaufort import LEVELS
 
 from ...analysis.two_level.analysis import Factorial
 from ...analysis.two_level.ranking import ranking
-from ...errors import check_choice
+from ...errors import ConfigurationError, check_choice
 from ...judge.definitions import AXES
 from ...scenario.scenario import load as load_scenario
-from ...words.numbers import interval, number, signed
+from ...study.design import INTERACTION_SIGN
+from ...words.numbers import interval, number, rounded, signed
 from ...words.shares import percent
 from ..page import PageTable
 from .campaigns import SEAS
@@ -49,13 +50,15 @@ def verdict(ratio: float) -> str:
 def row(what: str, theirs: float, ours: float, interval: str = "–") -> Row:
     """A row of `compared`: a number of the paper and ours."""
     ratio = ours / theirs
-    return what, number(theirs), number(ours), interval, f"{ratio:.2f}", verdict(ratio)
+    agrees = verdict(ratio)
+    shown = number(ours) if agrees == "equal" else rounded(ours)
+    return what, number(theirs), shown, interval, f"{ratio:.2f}", agrees
 
 
 def row_with_interval(what: str, theirs: float, ours: tuple[float, float, float]) -> Row:
     """Like `row`, with an interval; ours is a mean and its interval."""
     mean, low, high = ours
-    return row(what, theirs, mean, interval(low, high, number))
+    return row(what, theirs, mean, interval(low, high))
 
 
 def compared(caption: str, rows: Sequence[Row], note: str = "") -> PageTable:
@@ -71,8 +74,8 @@ def compared(caption: str, rows: Sequence[Row], note: str = "") -> PageTable:
 
 def _of_seas() -> dict[str, float]:
     named = dict(zip("ab", SEAS, strict=True))
-    heights = {f"wave height {word} [m]": LEVELS[b].wave_height for word, b in named.items()}
-    return heights | {f"Beaufort {word}": b for word, b in named.items()}
+    heights = {f"wave height of ({word}) [m]": LEVELS[b].wave_height for word, b in named.items()}
+    return heights | {f"Beaufort number of ({word})": b for word, b in named.items()}
 
 
 def _of_session() -> dict[str, float]:
@@ -101,6 +104,10 @@ def stated(number: int) -> list[Row]:
     return [row(what, float(theirs), ours[what]) for what, theirs in states.items()]
 
 
+def _settings(number: int) -> PageTable:
+    return compared(f"Figure {number}: settings", stated(number))
+
+
 # --- Errors --------------------------------------------------------------------------------------
 
 
@@ -109,7 +116,7 @@ def session_rows(
 ) -> list[Row]:
     """Rows of Table 2 for a receiver on a path: mean and standard deviation."""
     return [
-        row(f"{what}: {word}{unit}", known, ours, interval(*ends, number))
+        row(f"{what}: {word}{unit}", known, ours, interval(*ends))
         for word, known, ours, ends in zip(
             ("mean", "standard deviation"), theirs, pooled(table, receiver),
             pooled_intervals(table, receiver), strict=True,
@@ -220,7 +227,7 @@ def factors(n: int, analysis: Factorial) -> PageTable:
     for name, rank in ranking(a).items():
         effect: Any = a.effects.loc[name]
         rows.append((name, "named" if name in named else "–", rank, signed(effect["effect"]),
-                     interval(effect["low"], effect["high"], signed), number(abs(effect["t"]))))
+                     interval(effect["low"], effect["high"], signed), rounded(abs(effect["t"]))))
     return PageTable(
         "Main effects: factors that the paper names as the most influential, and our effects",
         ("Factor", "Paper", "Our place", "Effect [m]", "95 % interval [m]", "|t|"), rows, (1,),
@@ -228,16 +235,44 @@ def factors(n: int, analysis: Factorial) -> PageTable:
         "their effects cannot be told apart. The paper prints no sizes.")
 
 
+def interactions(analysis: Factorial) -> PageTable:
+    """The interactions that the paper names in Scenario 3, those of the GPS, and ours."""
+    a, gps = analysis.readable, analysis.labels["gps"]
+    rows = []
+    for name, given in a.ranked().iterrows():
+        effect: Any = given
+        if effect["order"] == 2 and gps in str(name).split(INTERACTION_SIGN):
+            rows.append((str(name), "named", signed(effect["effect"]),
+                         interval(effect["low"], effect["high"], signed), rounded(abs(effect["t"])),
+                         "significant" if effect["significant"] else "not significant"))
+    return PageTable(
+        f"Interactions of {gps} with the other factors",
+        ("Interaction", "Paper", "Effect [m]", "95 % interval [m]", "|t|", "Ours is"), rows, (1, 5),
+        "The paper says that the GPS interacts with the other parameters. It prints no sizes.")
+
+
 # --- Any of them ---------------------------------------------------------------------------------
 
 _OF_RUNS: Mapping[int, Callable[[pd.DataFrame], PageTable]] = {
     11: lambda runs: sessions({"square": runs}),
     **{figure: partial(point_errors, n) for n, figure in ((1, 14), (2, 21), (3, 27))},
-    **{figure: partial(errors_of_all, n) for n, figure in ((1, 17), (2, 24), (3, 30))},
+}
+_OF_STUDIES: Mapping[int, Callable[[pd.DataFrame], PageTable]] = {
+    figure: partial(errors_of_all, n) for n, figure in ((1, 17), (2, 24), (3, 30))
 }
 _OF_ANALYSES: Mapping[int, Callable[[Factorial], PageTable]] = {
-    figure: partial(factors, n) for n, figure in ((1, 15), (2, 22), (3, 28))
+    **{figure: partial(factors, n) for n, figure in ((1, 15), (2, 22), (3, 28))},
+    29: interactions,
 }
+_WAYS: Mapping[str, tuple[Mapping[int, Callable[..., PageTable]], type]] = {
+    "left out": (
+        {number: partial(_settings, number) for number in _SETTINGS}, type(None)
+    ),
+    "a table of runs, such as run_many(…).tables['runs']": (_OF_RUNS, pd.DataFrame),
+    "a study's table, such as sblcosim.study.table(FOLDER)": (_OF_STUDIES, pd.DataFrame),
+    "an analysis, such as sblcosim.analysis.of_study(FOLDER)": (_OF_ANALYSES, Factorial),
+}
+"""What `beside` takes: in words, for which figures, and its type."""
 
 
 def beside(number: int, ours: pd.DataFrame | Factorial | None = None) -> PageTable:
@@ -249,19 +284,24 @@ def beside(number: int, ours: pd.DataFrame | Factorial | None = None) -> PageTab
         Of the paper's figure.
     ours
         None: the settings that the paper states with Figure 9, 11 or 12. Figures 11, 14, 21 and 27:
-        the table of runs, such as ``run_many(…).tables["runs"]``. Figures 15, 22 and 28: the
+        the table of runs, such as ``run_many(…).tables["runs"]``. Figures 15, 22, 28 and 29: the
         analysis of the study. Figures 17, 24 and 30: the table of its runs.
 
     Raises
     ------
     ConfigurationError
-        The paper has no such number with the figure.
+        The paper has no number with the figure, or this is not what is compared with it.
     """
-    if ours is None:
-        check_choice("number", number, _SETTINGS)
-        return compared(f"Figure {number}: settings", stated(number))
-    if isinstance(ours, Factorial):
-        check_choice("number", number, _OF_ANALYSES)
-        return _OF_ANALYSES[number](ours)
-    check_choice("number", number, _OF_RUNS)
-    return _OF_RUNS[number](ours)
+    check_choice("figure", number, sorted({n for figures, _ in _WAYS.values() for n in figures}))
+    ways = {words: way for words, way in _WAYS.items() if number in way[0]}
+    missing = ""
+    for figures, kind in ways.values():
+        if isinstance(ours, kind):
+            try:
+                return figures[number](*([] if ours is None else [ours]))
+            except KeyError as error:
+                missing = f" without {error}"
+    raise ConfigurationError(
+        f"ours: must be {' or '.join(ways)}, for Figure {number}, got "
+        f"{'nothing' if ours is None else f'a {type(ours).__name__}'}{missing}"
+    )

@@ -72,7 +72,7 @@ def blocks(analyses: Sequence[Sensitivity], findings: Findings) -> list[Block]:
               "variance when all seven factors are uniform between their levels: the first-order "
               "index without interactions, the total index with all of them. The seed is one of "
               "the factors; its index is chance."),
-        *(Text(line, "note") for one in analyses for line in sentences.notes(one)),
+        *(Text(line, "note") for line in sentences.notes(main)),
     ]  # fmt: skip
 
 

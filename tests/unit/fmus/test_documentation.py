@@ -11,7 +11,7 @@ from typing import get_args
 
 import pytest
 from sblcosim.fmus.build.documentation import index_html, markdown
-from sblcosim.fmus.build.formulas import mathml, of_page, symbols, used
+from sblcosim.fmus.build.formulas import FONTS, mathml, of_page, symbols, used
 from sblcosim.fmus.standard import Fmi
 from sblcosim.models import COMPONENTS
 from sblcosim.models.declaration import Component
@@ -148,6 +148,7 @@ def test_the_page_has_the_formulas_and_their_symbols(name: str) -> None:
     assert page.count("<math") >= 5
     assert "$" not in page
     assert 'id="symbols"' in page
+    assert f"math {{ font-family: {FONTS}; }}" in page
 
 
 WRITTEN = sorted(
@@ -173,6 +174,8 @@ def test_every_formula_is_typeset_and_its_symbols_are_in_the_table(path: Path) -
     prose = re.sub(r"<code>.*?</code>", "", html, flags=re.DOTALL)
     assert not re.search(r"[α-ωΓ-Ω√∂∫Σᵀ₀-₉\u0302\u0304\u0307]|<pre>", prose), "typed, not typeset"
     assert "SYMBOLS.md" in html
+    people = re.findall(r"[(;] ?\$[A-Z]\$\. [A-Z]\w+", path.read_text("utf-8"))
+    assert people == [], "names of people are no formulas"
 
 
 def test_a_symbol_that_is_not_in_the_table_is_found() -> None:

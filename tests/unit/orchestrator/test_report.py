@@ -215,7 +215,7 @@ def test_the_gallery_s_point_is_the_favourable_one() -> None:
 def test_what_the_paper_states_is_beside_ours(number: int) -> None:
     states = paper.facts_of_figure(number).get("states", {})
     if not states:
-        with pytest.raises(ConfigurationError, match="must be 9 or 11 or 12, got"):
+        with pytest.raises(ConfigurationError, match=r"figure: must be 9|, got nothing$"):
             paper.beside(number)
         return
     rows = paper.beside(number).rows
@@ -258,10 +258,31 @@ def test_the_factors_that_the_paper_names_are_beside_ours() -> None:
         ("GPS error", "named", "1"), ("baseline", "named", "2"), ("sampling time", "named", "3")
     ]
     assert "Verdict: agrees." in shown.note
-    with pytest.raises(ConfigurationError, match="number: must be 15 or 22 or 28, got 14"):
-        paper.beside(14, analyse(runs, list(factors), "y"))
-    with pytest.raises(ConfigurationError, match="number: must be 11 or 14 or 21 or 27 or 17"):
-        paper.beside(15, runs)
+    named = paper.beside(29, replace(analyse(runs, list(factors), "y"), labels=factors))
+    assert {row[0] for row in named.rows} == {"GPS error × baseline", "GPS error × sampling time"}
+    assert {row[1] for row in named.rows} == {"named"}
+
+
+FIGURES_WITH_NUMBERS = {
+    9: "left out", 11: "left out or a table of runs", 12: "left out", 14: "a table of runs",
+    15: "an analysis", 17: "a study's table", 21: "a table of runs", 22: "an analysis",
+    24: "a study's table", 27: "a table of runs", 28: "an analysis", 29: "an analysis",
+    30: "a study's table",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("number", range(1, 32))
+@pytest.mark.parametrize("ours", [object(), pd.DataFrame({"seed": [1]}), table({"gps": 1})])
+def test_what_cannot_be_beside_the_paper_is_refused(number: int, ours: Any) -> None:
+    with pytest.raises(ConfigurationError) as refused:
+        paper.beside(number, ours)
+    if number not in FIGURES_WITH_NUMBERS:
+        listed = " or ".join(map(str, FIGURES_WITH_NUMBERS))
+        assert str(refused.value) == f"figure: must be {listed}, got {number}"
+    else:
+        words, got = str(refused.value).split(f", for Figure {number}, got ")
+        assert words.startswith(f"ours: must be {FIGURES_WITH_NUMBERS[number]}")
+        assert got.startswith(f"a {type(ours).__name__}")
 
 
 def test_pooled_statistics_are_those_of_all_samples() -> None:
@@ -358,11 +379,12 @@ def test_parts_of_a_kind_stand_together() -> None:
     assert rows == [("beside", 2), ("below", 1), ("small", 1)]
 
 
-def test_a_notebook_shows_the_figures_of_a_report() -> None:
+def test_a_notebook_shows_the_open_tables_and_the_figures_of_a_report() -> None:
     text = brief(page())
     tree = html5lib.HTMLParser(strict=True, namespaceHTMLElements=False).parseFragment(text)
-    assert [h.text for h in tree.iter("h4")] == ["Title & more"]
-    assert [p.text for p in tree.iter("p")] == ["a < b & c"]  # answers
+    assert [h.text for h in tree.iter("h4")] == ["Title & more", "T"]
+    assert [td.text for td in tree.iter("td")] == ["x", "1", "<y>", "2"]  # of an open section
+    assert [p.text for p in tree.iter("p")] == ["note", "a < b & c"]  # and the answers
     images = {e.get("alt"): e for e in tree.iter("img")}
     assert {*images} == {'Bars, "quoted" & more'}
     (row,) = tree.findall("div")
