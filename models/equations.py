@@ -281,18 +281,13 @@ def _functions(
         )
 
     w, w_vector = noise("tick")
-    tick = _function(
-        "tick", [x_vector, u_vector, p_vector, w_vector, t, k],
-        updated(equations.tick(p, x, u, w, t, k)),
-    )
+    changed = updated(equations.tick(p, x, u, w, t, k))
+    tick = _function("tick", [x_vector, u_vector, p_vector, w_vector, t, k], changed)
     guards, bodies = {}, {}
     for loop in _all((*equations.advance, *equations.iterate)):
         if loop.each:
-            if loop.inner or loop.rows:
-                raise ValueError(f"{component.name}: {loop.name} must have no inner loops or rows")
-            guards[loop.name], bodies[loop.name] = _of_each(
-                loop, states, x, [x_vector, u_vector, p_vector], (p, u, t)
-            )
+            given = (loop, states, x, [x_vector, u_vector, p_vector], (p, u, t))
+            guards[loop.name], bodies[loop.name] = _of_each(*given)
             continue
         w, w_vector = noise(loop.name)
         rows, more = _looked_up(component, loop.rows, w, (p, x), [x_vector, p_vector])
@@ -300,20 +295,17 @@ def _functions(
         guards[loop.name] = _function(
             "guard", [x_vector, u_vector, p_vector, t], ca.SX(loop.guard(p, x, u, t))
         )
+        changed = updated(loop.body(p, x, u, w, t))
         bodies[loop.name] = _function(
-            "body", [x_vector, u_vector, p_vector, w_vector, t, *more],
-            updated(loop.body(p, x, u, w, t)),
+            "body", [x_vector, u_vector, p_vector, w_vector, t, *more], changed
         )
-    output, y_vector = _output(
-        component, equations.output(p, x, u, t), [x_vector, u_vector, p_vector, t]
-    )
+    arguments = [x_vector, u_vector, p_vector, t]
+    output, y_vector = _output(component, equations.output(p, x, u, t), arguments)
     pairs = _feedthrough(component, output)
     jacobian = None
     if pairs:
-        jacobian = _function(
-            "jacobian", [x_vector, u_vector, p_vector, t],
-            ca.vec(ca.densify(ca.jacobian(y_vector, u_vector)).T),
-        )
+        slopes = ca.vec(ca.densify(ca.jacobian(y_vector, u_vector)).T)
+        jacobian = _function("jacobian", [x_vector, u_vector, p_vector, t], slopes)
     return Functions(initial, tick, output, guards, bodies, jacobian, read), states, pairs
 
 
@@ -322,6 +314,8 @@ def _of_each(
     symbols: tuple[Symbols, Symbols, Any],
 ) -> tuple[ca.Function, ca.Function]:
     """Guard and body of a loop over each row of some states."""
+    if loop.inner or loop.rows:
+        raise ValueError(f"{loop.name}: must have no inner loops and no rows of parameters")
     p, u, t = symbols
     row, row_vector = _symbols({name: (states[name][1], 1) for name in loop.each})
     number, w = ca.SX.sym("row"), ca.SX(0, 1)

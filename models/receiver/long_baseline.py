@@ -97,7 +97,6 @@ def _process(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
         z = ca.if_else(this, s.z[i], z)
         known = ca.if_else(this, s.beacons[i, :], known)
     epoch = ca.fmax(oldest, x.epoch)
-
     phi, noise = field.transition(ca, p, epoch - x.epoch)
     mean, P = _predicted(x, phi, noise, field.states(n))
     elements = [mean[i] for i in range(field.states(n))]

@@ -296,14 +296,9 @@ def _pass(p: Symbols, x: Symbols, u: Symbols, mean: Any) -> Values:
 
 
 def _joined(p: Symbols, before: Any, covariance: Any, fix: _Fixed) -> tuple[Any, Any]:
-    """The diver from a fix, the platform from the filter: mean and packed covariance.
+    """The diver from a fix, the platform from the filter before: mean and packed covariance.
 
     Besides the fix's own error, the diver moves with the platform and rotates with its heading.
-
-    Parameters
-    ----------
-    before, covariance
-        Mean and packed covariance of the filter.
     """
     offset, doubt, depth_weight = fix.offset, fix.doubt, fix.depth_weight
     y = fix.position[:2] - before[list(PLATFORM)]

@@ -91,7 +91,10 @@ _INPUTS = {*_RANGE_PORTS, "reception_count", *(v.name for v in DEPTH)}
 _OUTPUTS = (*ESTIMATE, *SYSTEM)
 _OPTIONAL = {v.name: v for v in _OUTPUTS if v.name not in (*REQUIRED_ESTIMATE, "valid")}
 _POSITIONS = np.ix_((0, 2, 4), (0, 2, 4))
-_KNOWN = {v.name: v for receiver in RECEIVERS.values() for v in receiver.of("parameter")}
+_KNOWN = {
+    v.name: v for named in (False, True) for receiver in RECEIVERS.values()
+    for v in receiver.of("parameter") if bool(v.named) is named
+}
 _GIVEN = {
     **{name: _KNOWN[name] for name in ("update_interval", "range_std", "depth_std")},
     "seed": noise_keys()[0],

@@ -46,7 +46,7 @@ def test_what_was_learned_is_read_at_the_updates(run: Result) -> None:
     assert found is not None
     assert found == pytest.approx(1e-6 * np.arange(1, last + 1))
     assert motion_psd(record, "ekf") is None
-    assert motion_psd(run.record, "coupled") is None
+    assert set(motion_psd(run.record, "coupled")) == {1e-5}  # it was told
 
 
 def test_each_receiver_with_a_q_has_what_it_assumed_or_learned(run: Result) -> None:
@@ -59,7 +59,7 @@ def test_each_receiver_with_a_q_has_what_it_assumed_or_learned(run: Result) -> N
     assert learned.last == pytest.approx(1e-6 * last)
     assert learned.median == pytest.approx(1e-6 * (last + 1) / 2)
     silent = motions({"coupled": origin("coupled", -1.0)}, run.record, ("coupled", RAW))
-    assert silent == {"coupled": Motion(None)}
+    assert silent == {"coupled": Motion(None, 1e-5, 1e-5)}
 
 
 def test_a_number_that_was_given_is_not_taken_for_learned(run: Result) -> None:
