@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from ... import artifacts, style
 from ...answer import Answer
 from ...catalogue import Job
-from ...judge.definitions import LOST
+from ...judge.definitions import LOST, MISLEADING
 from ...layout import fitted
 from ...results.data_sheet import NOTE as SHEET
 from ...results.result import Result
@@ -106,9 +106,12 @@ class Many(Answer):
                 continue
             rms = measured(row["rms_over_runs"], "m")
             within = measured(beside["mean"], "m")
+            misleading = row["misleading"] if row["misleading_known"] else 0
             lines.append(
                 f"{receiver}: {rms} RMS, {within} in 95 % of the time, lost in {row['lost']} of "
-                f"{runs} runs" + (f", failed in {row['failed']}" if row["failed"] else "")
+                f"{runs} runs"
+                + (f", misleading in {misleading}" if misleading else "")
+                + (f", failed in {row['failed']}" if row["failed"] else "")
             )
         told = [
             f"{which}: seed {seed} ({measured(self.rms_m(which), 'm')})"
@@ -170,7 +173,7 @@ class Many(Answer):
             yield f"{receiver}: covariance {said}"
         if sheet:
             yield SHEET
-        yield from (LOST, sentences.WITHIN)
+        yield from (LOST, MISLEADING, sentences.WITHIN)
 
     def write(
         self, folder: Path, theme: style.ThemeName = "light", figures: bool = True
