@@ -214,11 +214,12 @@ def _verdict(result: ToldResult, receiver: str) -> str:
 
 
 def _misleading(row: Any) -> str:
-    """Why a run is misleading: for how long, or by its mean NEES."""
+    """Why a run is misleading: for how long, or by how much on the whole."""
     longest = row.beyond_claim_longest_s
     if longest > MISLEADING_S:
         return f"misleading: for {longest:.0f} s beyond three times what it claims"
-    return f"misleading: mean NEES {number(row.nees_position)}, where 3 is expected"
+    factor = (row.nees_position / row.nees_position_expected) ** 0.5
+    return f"misleading: {number(factor)} times as far off as it claims"
 
 
 def _claim(result: ToldResult, receiver: str) -> str:

@@ -30,6 +30,16 @@ TYPICAL, WORST = "typical", "worst"
 """The selected runs, and the names of their folders."""
 
 
+def _misleading(row: Any) -> str:
+    """In how many runs a receiver was misleading, with the interval of the share; empty without a
+    covariance."""
+    known = row["misleading_known"]
+    if not known:
+        return ""
+    of = "" if known == row["runs"] else f" of {known}"
+    return f", misleading in {row['misleading']}{of} ({sentences.share_of_misleading(row)} %)"
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Many(Answer):
     """Many runs of a scenario. Made by `run_many`.
@@ -96,7 +106,8 @@ class Many(Answer):
 
     @property
     def answer(self) -> str:
-        """A line for each receiver: its errors, how often it was lost, and the selected runs."""
+        """A line for each receiver: its errors, how often it was lost and misleading, and the
+        selected runs."""
         it, place, lines = self.runs, self.scenario_name, []
         for receiver in self.receivers:
             row, beside = (it.level(place, receiver, name) for name in (None, PERCENTILE))
@@ -106,11 +117,9 @@ class Many(Answer):
                 continue
             rms = measured(row["rms_over_runs"], "m")
             within = measured(beside["mean"], "m")
-            misleading = row["misleading"] if row["misleading_known"] else 0
             lines.append(
                 f"{receiver}: {rms} RMS, {within} in 95 % of the time, lost in {row['lost']} of "
-                f"{runs} runs"
-                + (f", misleading in {misleading}" if misleading else "")
+                f"{runs} runs{_misleading(row)}"
                 + (f", failed in {row['failed']}" if row["failed"] else "")
             )
         told = [
@@ -150,7 +159,8 @@ class Many(Answer):
         shown = sheet if verbose else sheet[:1]
         lines = [self.answer, *([""] if sheet else []), *shown, ""]
         lines += [f"{place}: {it.settings['runs']} runs, seeds from {it.settings['seed']}"]
-        lines += [*sentences.levels(it, place, width)]
+        told = () if verbose else (sentences.MISLEADING_COLUMN,)  # the answer has it
+        lines += [*sentences.levels(it, place, width, told)]
         if verbose:
             lines += ["", *sentences.spreads(it, place, width), "", *self._verbose_notes(sheet)]
         else:

@@ -379,9 +379,22 @@ def _first(it: Tournament) -> str:
     return f"{words_of(it.response).removesuffix(' total error')}{unit}"
 
 
-def levels(it: Tournament, place: str, width: int | None) -> Iterator[str]:
-    """The lines of the table of receivers."""
-    return _table([*_levels(it, place)], width, _heads(it), range(1, 5), (3, 5))
+MISLEADING_COLUMN = 5
+"""Index of the column of misleading runs in the table of receivers."""
+
+
+def levels(
+    it: Tournament, place: str, width: int | None, without: Sequence[int] = ()
+) -> Iterator[str]:
+    """The lines of the table of receivers.
+
+    Parameters
+    ----------
+    without
+        Indices of columns to leave out.
+    """
+    optional = (3, MISLEADING_COLUMN)
+    return _table([*_levels(it, place)], width, _heads(it), range(1, 5), optional, without)
 
 
 def spreads(it: Tournament, place: str, width: int | None) -> Iterator[str]:
@@ -429,10 +442,12 @@ def _misleading(row: Any) -> str:
     if not row["misleading_known"]:
         return "–"
     said = measured(100 * row["misleading"] / row["misleading_known"], "%", 2)
-    if isnan(row["misleading_low"]):
-        return said
-    low, high = floor(100 * row["misleading_low"]), ceil(100 * row["misleading_high"])
-    return f"{said} ({low}–{high})"
+    return said if isnan(row["misleading_low"]) else f"{said} ({share_of_misleading(row)})"
+
+
+def share_of_misleading(row: Any) -> str:
+    """The interval of the share of misleading runs in a scenario, in whole per cents."""
+    return f"{floor(100 * row['misleading_low'])}–{ceil(100 * row['misleading_high'])}"
 
 
 def _covariance(row: Any) -> str:
