@@ -29,6 +29,9 @@ class Estimates(Shown):
     available_ns
         First communication instant at which it could be read [ns]; shape (m,). None: the estimates
         were made after the run.
+    until_ns
+        Instant from which the next one could be read in its place, or it was no longer valid, or
+        the last of the run [ns]; shape (m,). None as for ``available_ns``.
     update_count
         Number of valid estimates so far; shape (m,).
     velocity, position_std
@@ -49,6 +52,7 @@ class Estimates(Shown):
     epoch_ns: Integers
     position: Floats
     available_ns: Integers | None = None
+    until_ns: Integers | None = None
     update_count: Integers | None = None
     velocity: Floats | None = None
     position_std: Floats | None = None

@@ -98,7 +98,10 @@ class Record(Shown):
             )
         count = ports["update_count"].astype(np.int64)
         new = np.diff(count, prepend=0) != 0
-        new &= self.valid(component)
+        valid = self.valid(component)
+        new &= valid
+        ends = np.append(np.flatnonzero(new | ~valid), len(self) - 1)
+        until = ends[np.searchsorted(ends[:-1], np.flatnonzero(new), side="right")]
 
         def at(name: str) -> Floats | None:
             return ports[name][new].astype(np.float64) if name in ports else None
@@ -107,6 +110,7 @@ class Record(Shown):
         return Estimates(
             epoch_ns=epochs_ns(self.time_ns, ports["epoch"][new].astype(np.float64)),
             available_ns=self.time_ns[new],
+            until_ns=self.time_ns[until],
             update_count=count[new],
             position=ports["position"][new].astype(np.float64),
             velocity=at("velocity"),

@@ -17,7 +17,10 @@ from ..data.estimates import Floats
 from ..data.tables import Columns, TableColumn
 from .definitions import (
     AXES,
+    BEYOND_M,
     FRAMES,
+    MISLEADING_NEES,
+    MISLEADING_S,
     PERCENTAGES,
     POSITION_STATES,
     PREFIXES,
@@ -124,6 +127,12 @@ SUMMARY = Columns(
         TableColumn("inconsistent", "NEES of the position is above its band; null without NEES",
                     type=bool | None),
         TableColumn("lost", "No good estimate in the last quarter", type=bool | None),
+        TableColumn("beyond_claim", "Share of the time with an error beyond three times what is "
+                    f"claimed and more than {BEYOND_M:g} m; null without NEES"),
+        TableColumn("beyond_claim_longest_s", "Longest such time without a break", "s"),
+        TableColumn("misleading", f"Beyond its claim for more than {MISLEADING_S:g} s without a "
+                    f"break, or RMS error above {BEYOND_M:g} m with a mean NEES above "
+                    f"{MISLEADING_NEES:g}; null without NEES", type=bool | None),
         TableColumn("failure", "Why the receiver failed", type=str | None, sometimes=True),
     ),
 )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Definitions: truth, error, broken, NEES, inconsistent, percentile, late, lost.
+"""Definitions: truth, error, broken, NEES, inconsistent, percentile, late, lost, misleading.
 
 The tables of a run (`sblcosim.judge.metrics`) and the sums of a study (`sblcosim.results.sums`) are
 built on this module. The lanes master in C (``c/lanes_master.c``) matches it to the last bit and
@@ -36,6 +36,26 @@ be positive definite: each pivot of ``P = L D Lᵀ`` is above 10⁻¹⁴ of its 
 
 **Late**: an estimate whose epoch lies in the last quarter of the run. **Lost**: a run without late
 estimates, or one in which their RMS error exceeds the RMS true distance to the platform.
+
+**Beyond the claim**: an estimate whose position NEES is above `BEYOND_NEES` and whose error is
+longer than `BEYOND_M`. The NEES is the squared Mahalanobis distance of the error, and has a
+chi-square distribution with 3 degrees of freedom if the covariance is right (Y. Bar-Shalom, X. R.
+Li, T. Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, section 5.4).
+`BEYOND_NEES` is the quantile that as many errors of a right covariance exceed as normal errors
+exceed 3σ in one dimension, 0.27 %. An estimate without NEES claims nothing, and is not beyond it.
+Smaller errors than `BEYOND_M` mislead nobody, whatever is claimed.
+
+**Stands**: an estimate stands from the instant at which it becomes available until the next one
+does, the receiver marks it as not valid, or the run ends. One that was made after the run stands
+from its epoch to that of the next one, the last to the end of the run. The *time beyond the claim*
+is the time for which estimates beyond it stand, as a share of the run's time after the settling
+time. The *longest* is the longest such time without a break. Both are unknown without any NEES.
+
+**Misleading**: a run whose longest time beyond the claim exceeds `MISLEADING_S`, or whose mean
+position NEES exceeds `MISLEADING_NEES` while its RMS error exceeds `BEYOND_M`; unknown without any
+NEES. Navigation calls such information hazardously misleading: the claim is the protection level,
+`BEYOND_M` the alert limit, `MISLEADING_S` the time to alert. Of right covariances, at most 1 run in
+40 has a mean NEES above `MISLEADING_NEES`, even if its error stays the same throughout.
 """
 
 from __future__ import annotations
@@ -46,7 +66,7 @@ from typing import Any
 
 import numpy as np
 
-from ..data.estimates import Estimates, Flags, Floats
+from ..data.estimates import Estimates, Flags, Floats, Integers
 from ..data.record import Record
 from ..data.truth import Truth, of_record
 from ..lazy import Module
@@ -61,6 +81,22 @@ LOST = (
     "the platform or has no estimate. Earlier errors do not count if the run ends well."
 )
 """What the share of lost runs counts, in words for people."""
+BEYOND_NEES = 14.156413609126688
+"""NEES of an error at three times what is claimed: the quantile erf(3/√2) of chi-square with 3
+degrees of freedom; same as ``BEYOND_NEES`` in the C code."""
+BEYOND_M = 1.0
+"""Length of the smallest error that can mislead [m]; same as ``BEYOND_M`` in the C code. It is
+about what a diver can reach, and that of the included question `one-metre`."""
+MISLEADING_NEES = 15.0
+"""Mean NEES of a misleading run: five times what is expected."""
+MISLEADING_S = 20.0
+"""Time beyond the claim without a break in a misleading run [s]."""
+MISLEADING = (
+    f"A run is misleading if its error is more than {BEYOND_M:g} m and beyond three times what is "
+    f"claimed (NEES above {BEYOND_NEES:.3g}) for more than {MISLEADING_S:g} s without a break, or "
+    f"its RMS error more than {BEYOND_M:g} m and its mean NEES above {MISLEADING_NEES:g}."
+)
+"""What the share of misleading runs counts, in words for people."""
 
 AXES = ("x", "y", "z")
 FRAMES = ("absolute", "relative", "own_relative")
@@ -94,6 +130,8 @@ class Judged(Shown):
         Epochs [s]; shape (m,).
     broken, late
         Flags as defined above; shape (m,).
+    since_ns, until_ns
+        When each estimate stands [ns]; shape (m,).
     true_position, true_velocity
         NED [m], [m/s]; shape (m, 3); NaN where the epoch lies outside the run.
     platform_error
@@ -114,6 +152,8 @@ class Judged(Shown):
     epoch_s: Floats
     broken: Flags
     late: Flags
+    since_ns: Integers
+    until_ns: Integers
     true_position: Floats
     true_velocity: Floats
     platform_error: Floats | None
@@ -152,6 +192,7 @@ def judged_by(estimates: Estimates, truth: Truth) -> Judged:
     about = truth.platform_at(known)
     platform, off = (None, None) if about is None else map(of_run, about)
     epoch_s = epoch / 1e9
+    since_ns, until_ns = _standing(estimates, truth.stop_ns)
     with np.errstate(invalid="ignore", over="ignore"):
         error = estimates.position - position
         square = square_of(error)
@@ -168,6 +209,8 @@ def judged_by(estimates: Estimates, truth: Truth) -> Judged:
             epoch_s,
             broken=~finite,
             late=late_from_ns(truth.start_ns, truth.stop_ns) / 1e9 <= epoch_s,
+            since_ns=since_ns,
+            until_ns=until_ns,
             true_position=position,
             true_velocity=velocity,
             platform_error=off,
@@ -199,6 +242,15 @@ def _own_relative(
     P = estimates.relative_covariance
     claimed = np.full(len(error), np.nan) if P is None else nees(error, P)
     return error, square_of(error), claimed
+
+
+def _standing(estimates: Estimates, stop_ns: int) -> tuple[Integers, Integers]:
+    """When each estimate stands [ns], as defined above."""
+    since, until = estimates.available_ns, estimates.until_ns
+    if since is None or until is None:
+        since = estimates.epoch_ns
+        until = np.maximum(since, np.append(since[1:], stop_ns)[: len(since)])
+    return since, until
 
 
 def chosen(judged: Judged, which: Flags) -> Judged:
@@ -361,3 +413,39 @@ def late_from_ns(start_ns: int, stop_ns: int) -> int:
 def lost(estimates: Any, error_square: Any, distance_square: Any) -> Any:
     """Whether runs are lost, from sums over their late estimates; numbers or arrays."""
     return (estimates == 0) | (error_square > distance_square)
+
+
+def beyond_claim(judged: Judged, distance_m: float = BEYOND_M) -> Flags:
+    """Whether each estimate is beyond its claim; shape (m,).
+
+    Parameters
+    ----------
+    distance_m
+        Length of the smallest error that counts [m].
+    """
+    beyond: Flags = (judged.nees > BEYOND_NEES) & (judged.square > distance_m**2)
+    return beyond
+
+
+def times_standing(judged: Judged, which: Flags) -> tuple[int, int]:
+    """For how long the selected estimates stand [ns], and the longest time without a break."""
+    since, until = judged.since_ns[which], judged.until_ns[which]
+    if not len(since):
+        return 0, 0
+    lengths = until - since
+    first = np.append(True, since[1:] != until[:-1])
+    return int(lengths.sum()), int(np.add.reduceat(lengths, np.flatnonzero(first)).max())
+
+
+def misleading(mean_nees: Any, rms_m: Any, longest_s: Any) -> Any:
+    """Whether runs are misleading, if they have a NEES; numbers or arrays.
+
+    Parameters
+    ----------
+    mean_nees, rms_m, longest_s
+        Mean position NEES of each run, its RMS error [m], and its longest time beyond the claim
+        without a break [s].
+    """
+    with np.errstate(invalid="ignore"):
+        far_off = (mean_nees > MISLEADING_NEES) & (rms_m > BEYOND_M)
+        return far_off | (longest_s > MISLEADING_S)

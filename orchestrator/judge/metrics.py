@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..data.record import NEVER
 from ..errors import ConfigurationError, FmuError, check_choice
-from .columns import CHI_SQUARES, ERRORS, ESTIMATES, PERCENTILES
+from .columns import CHI_SQUARES, ERRORS, ESTIMATES, PERCENTILES, SUMMARY
 from .definitions import (
     AXES,
     FRAMES,
@@ -23,12 +23,15 @@ from .definitions import (
     PERCENTAGES,
     PREFIXES,
     Judged,
+    beyond_claim,
     chi_square_band,
     horizontal_square,
     in_order,
     inconsistent,
     judged_by,
+    misleading,
     order_statistics,
+    times_standing,
 )
 from .definitions import lost as lost_by
 
@@ -239,6 +242,23 @@ def lost(judged: Judged) -> bool | None:
     )
 
 
+def _claims(judged: Judged, duration_ns: int) -> dict[str, Any]:
+    """Columns on what a receiver claims; NaN, or missing flags, without any NEES."""
+    claims = judged.nees[~np.isnan(judged.nees)]
+    if not len(claims):
+        return {"inconsistent": pd.NA, "beyond_claim": np.nan, "beyond_claim_longest_s": np.nan,
+                "misleading": pd.NA}
+    mean = in_order(claims) / len(claims)
+    beyond, longest = times_standing(judged, beyond_claim(judged))
+    rms = float(np.sqrt(judged.square.mean()))
+    return {
+        "inconsistent": bool(inconsistent(mean, len(claims))[0]),
+        "beyond_claim": beyond / duration_ns if duration_ns else np.nan,
+        "beyond_claim_longest_s": longest / 1e9,
+        "misleading": bool(misleading(mean, rms, longest / 1e9)),
+    }
+
+
 def _fixes(
     receiver: str,
     judged: Judged,
@@ -306,8 +326,8 @@ def summary(
     The columns are those of `sblcosim.judge.columns.SUMMARY` except ``failure``. ``update_share``
     is NaN without an update interval, and for estimates made after the run. Columns of NEES and NIS
     are NaN without the outputs for them. ``…_expected`` is the mean degrees of freedom, and
-    ``…_low`` to ``…_high`` is `definitions.chi_square_band`. ``inconsistent`` is missing without
-    any NEES, ``lost`` if the platform's true motion is unknown.
+    ``…_low`` to ``…_high`` is `definitions.chi_square_band`. ``inconsistent`` and ``misleading``
+    are missing without any NEES, ``lost`` if the platform's true motion is unknown.
     """
     rows = {}
     for receiver, own in judged.items():
@@ -320,13 +340,12 @@ def summary(
             "update_share": share,
         }
         row |= _consistency(estimates)
-        claims = estimates.get("nees_position", pd.Series(dtype=float)).dropna().to_numpy()
-        flag, known = inconsistent(in_order(claims) / max(len(claims), 1), len(claims))
-        row["inconsistent"] = bool(flag) if known else pd.NA
+        row |= _claims(own, truth.stop_ns - truth.start_ns)
         row["lost"] = pd.NA if (is_lost := lost(own)) is None else is_lost
         rows[receiver] = row
     table = pd.DataFrame.from_dict(rows, orient="index")
-    for flags in ("inconsistent", "lost"):
+    table = table[[c.name for c in SUMMARY.columns if not c.sometimes]]
+    for flags in ("inconsistent", "lost", "misleading"):
         if table[flags].isna().any():
             table = table.astype({flags: "boolean"})
     table.index.name = "receiver"

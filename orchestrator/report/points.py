@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import pandas as pd
 
-from ..judge.definitions import LOST
+from ..judge.definitions import LOST, MISLEADING
 from ..study.study import Study
 from ..words.numbers import number, quantity
 from ..words.shares import column_percent
@@ -16,6 +16,7 @@ COLUMNS = {
     "absolute_total_rms_m": "mean RMS [m]",
     "inconsistent": "inconsistent",
     "lost": "lost",
+    "misleading": "misleading",
 }
 """Responses of a run whose means are shown, and their headings."""
 _NOTE = (
@@ -23,7 +24,7 @@ _NOTE = (
     "The RMS error over the runs, the root of the mean of their mean squares, is larger. "
     "Inconsistent: share of the runs whose mean NEES lies above its 95 % band, so the receiver "
     "claims too small an error. "
-    f"{LOST}"
+    f"{LOST} {MISLEADING}"
 )
 
 

@@ -330,7 +330,7 @@ def _tables(source: StudiedRuns, first: Section) -> Section:
     """All tables, folded under their headings."""
     parts = [
         first,
-        Section("Design points, with lost and inconsistent runs", "points", source.points),
+        Section("Design points, with shares of bad runs", "points", source.points),
         Section("Covariances", "covariances", _covariances(source)),
         Section("What is possible", "possible", source.possible),
     ]

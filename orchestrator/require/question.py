@@ -18,7 +18,7 @@ from pydantic import Field, ValidationError
 from ..analysis.advice.costs import of_levels
 from ..analysis.common.conditions import BETTER_IF_LARGE
 from ..errors import ConfigurationError, instance, nearest, quoted, shortened
-from ..results.responses import ON_REQUEST, RESPONSES, check_limit, unit_of
+from ..results.responses import FLAGS, ON_REQUEST, RESPONSES, check_limit, unit_of
 from ..scenario import library
 from ..scenario.labels import RAW
 from ..scenario.schema import Table
@@ -139,12 +139,24 @@ class Question(Shown):
         return self.response if known is None else known.words
 
     @property
+    def flag(self) -> str:
+        """What a run must not be, such as ``misleading``; empty if the response is no flag."""
+        return self.response if self.response in FLAGS and self.terms.limit < 1 else ""
+
+    @property
     def requirement(self) -> str:
         """What must hold, for people."""
-        return (
-            f"{self.words} of at most {self.terms.limit:g}{self.unit and f' {self.unit}'} in "
-            f"{percent(self.terms.share)} of the runs"
-        )
+        most = f"{self.terms.limit:g}{self.unit and f' {self.unit}'}"
+        what = f"not {self.flag}" if self.flag else f"{self.words} of at most {most}"
+        return f"{what} in {percent(self.terms.share)} of the runs"
+
+    @property
+    def passes(self) -> str:
+        """What holds of a run that passes, for people."""
+        if self.flag:
+            return f"it is not {self.flag}"
+        most = f"{self.terms.limit:g}{self.unit and f' {self.unit}'}"
+        return f"its {self.words} is at most {most}"
 
     @cached_property
     def rule(self) -> Rule:

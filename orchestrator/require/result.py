@@ -18,8 +18,9 @@ from .. import artifacts, layout
 from ..answer import Answer
 from ..catalogue import Figure, Job, by_name, jobs
 from ..comparison.common.statistics import share_interval
-from ..judge.definitions import LOST
+from ..judge.definitions import LOST, MISLEADING
 from ..lazy import Module
+from ..results.responses import defined
 from ..scenario.scenario import Scenario
 from ..shown import folded, page, table, verbatim
 from ..words.lists import doing, listed, plural
@@ -253,6 +254,8 @@ class Requirement(Answer):
         if not of["runs"]:
             return "It has no runs yet."
         where = f" ({of['condition']})" if of["condition"] else ""
+        if q.flag:
+            return f"{self._share(row)} of {of['runs']:,} runs are not {q.flag}{where}."
         return (
             f"{self._share(row)} of {of['runs']:,} runs are within {self._size(q.terms.limit)}"
             f"{where}; {self._within(of['estimate'])}{self._bounds(row)}."
@@ -322,6 +325,8 @@ class Requirement(Answer):
         of, limit = self.of(row), self.question.terms.limit
         if not isfinite(of["estimate"]):
             return ", too many of its runs being lost"
+        if self.question.flag:
+            return ""
         by = f" by {self._size(of['estimate'] - limit)}"
         if of["verdict"] == "fails":
             by += f", surely by {self._size(of['lower'] - limit)} or more"
@@ -421,8 +426,9 @@ class Requirement(Answer):
         which = "All designs" if verbose else f"Designs that no other one beats in {what}"
         right = [i for i, name in enumerate(head) if i and name != "verdict"]
         lines = [*self.sentences(), "", f"{which}:", *layout.table(rows, width, head, right)]
-        lost = [LOST] if (shown["estimate"] == np.inf).any() else []
-        lines += ["", *(self.notes() if verbose else (self._percentile(), *lost))]
+        terms = [LOST] if (shown["estimate"] == np.inf).any() else []
+        terms += [it for it in defined(self.question.response) if it == MISLEADING]
+        lines += ["", *(self.notes() if verbose else (self._percentile(), *terms))]
         return layout.fitted("\n".join(lines), width)
 
     @property
@@ -488,9 +494,9 @@ class Requirement(Answer):
         q = self.question
         settled, share = q.study.settling_time_s, percent(q.terms.share)
         return [
-            f"A run passes if its {q.words} is at most {q.terms.limit:g}"
-            f"{q.unit and f' {q.unit}'}; errors count from {settled:g} s on. A run that fails or "
-            f"is lost does not pass. {LOST}",
+            f"A run passes if {q.passes}; errors count from {settled:g} s on. A run that "
+            f"fails or is lost does not pass. {LOST}",
+            *(it for it in defined(q.response) if it == MISLEADING),
             f"A design suffices if at least {share} of all runs that there could be pass"
             + (" in each condition." if len(q.conditions) > 1 else "."),
             self._percentile(),

@@ -30,16 +30,20 @@ from ..judge.definitions import (
     AXES,
     FRAMES,
     LOST,
+    MISLEADING,
     OWN_PORT,
     PERCENTAGES,
     Judged,
+    beyond_claim,
     chosen,
     errors_of,
     inconsistent,
     judge,
     length_squares,
+    misleading,
     order_statistics,
     percentile_column,
+    times_standing,
 )
 from ..judge.metrics import availability, lost
 from ..shown import Shown
@@ -180,7 +184,9 @@ class Percentile(Response):
 
 _SIGNED = ("_x_mean_m", "_y_mean_m", "_z_mean_m")
 """Suffixes of responses that can be negative."""
-_OF_NONE = ("inconsistent", "lost", "broken")
+FLAGS = ("inconsistent", "lost", "broken", "misleading")
+"""Responses that are 0 or 1."""
+_OF_NONE = (*FLAGS, "beyond_claim", "beyond_claim_longest_s")
 """Responses whose best value is 0, which runs often have."""
 
 
@@ -274,6 +280,22 @@ def _inconsistent(run: Run) -> float:
     return float(flag) if known else float("nan")
 
 
+def _times_beyond(run: Run) -> tuple[float, float]:
+    """Share of the time beyond the claim, and the longest such time [s]; NaN without any NEES."""
+    used, time_ns = run.used, run.record.time_ns
+    if not len(_nees(run)):
+        return float("nan"), float("nan")
+    beyond, longest = times_standing(used, beyond_claim(used))
+    whole = int(time_ns[-1] - time_ns[0]) - run.settling_ns
+    return beyond / whole if whole > 0 else float("nan"), longest / 1e9
+
+
+def _misleading(run: Run) -> float:
+    claims = _nees(run)
+    flag = misleading(_mean(claims), _total_rms("absolute", run), _times_beyond(run)[1])
+    return float(flag) if len(claims) else float("nan")
+
+
 def _updates(run: Run) -> float:
     return float(run.record.values[f"{run.receiver}.update_count"][-1])
 
@@ -318,6 +340,15 @@ def _shipped() -> Iterator[Response]:
         "own_relative_nees_estimates", "estimates with own relative NEES",
         lambda run: len(_own_nees(run)),
     )  # fmt: skip
+    yield Response(
+        "beyond_claim", "share of the time beyond the claim", lambda run: _times_beyond(run)[0],
+        needs="covariance",
+    )  # fmt: skip
+    yield Response(
+        "beyond_claim_longest_s", "longest time beyond the claim without a break",
+        lambda run: _times_beyond(run)[1], needs="covariance",
+    )  # fmt: skip
+    yield Response("misleading", "share of misleading runs", _misleading, needs="covariance")
 
 
 _BESIDE = {
@@ -397,7 +428,7 @@ def defined(column: str) -> list[str]:
     name = column.rpartition(".")[2]
     if isinstance(RESPONSES.get(name), Percentile):
         return [ORDER_STATISTIC]
-    return [LOST] if name == "lost" else []
+    return {"lost": [LOST], "misleading": [MISLEADING]}.get(name, [])
 
 
 def _of_name(name: str) -> Response:

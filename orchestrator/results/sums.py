@@ -13,7 +13,18 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ..judge.definitions import AXES, FRAMES, PREFIXES, errors_of, in_order, inconsistent, lost
+from ..judge.definitions import (
+    AXES,
+    FRAMES,
+    PREFIXES,
+    beyond_claim,
+    errors_of,
+    in_order,
+    inconsistent,
+    lost,
+    misleading,
+    times_standing,
+)
 from ..simulation.masters.lanes_driver import SUMS
 from .responses import Run
 
@@ -26,7 +37,9 @@ PORTS = (
 """Outputs of a receiver that `sums_of` uses if present, in addition to the record's truth."""
 
 
-def responses(sums: Floats, duration_ns: int | NDArray[np.int64]) -> pd.DataFrame:
+def responses(
+    sums: Floats, duration_ns: int | NDArray[np.int64], settling_ns: int = 0
+) -> pd.DataFrame:
     """Table of responses, one row per run.
 
     Parameters
@@ -35,6 +48,8 @@ def responses(sums: Floats, duration_ns: int | NDArray[np.int64]) -> pd.DataFram
         Shape (runs, len(SUMS)).
     duration_ns
         Length of the runs [ns]: one for all, or one for each run.
+    settling_ns
+        Time after the start of the runs from which errors count [ns].
 
     Returns
     -------
@@ -43,8 +58,9 @@ def responses(sums: Floats, duration_ns: int | NDArray[np.int64]) -> pd.DataFram
         axis, and the mean length of the error for ``total``; NaN without own relative errors);
         ``nees_position`` and ``nis`` (time means, NaN if there are none), ``nis_degrees`` (total),
         ``availability``, ``updates``, ``inconsistent`` (missing without any NEES), ``lost``,
-        ``broken`` (whether any estimate is broken), and ``own_relative_nees_{position,estimates}``;
-        see `sblcosim.judge.definitions`.
+        ``broken`` (whether any estimate is broken), ``own_relative_nees_{position,estimates}``, and
+        ``beyond_claim``, ``beyond_claim_longest_s`` (NaN without any NEES) and ``misleading``
+        (missing without any NEES); see `sblcosim.judge.definitions`.
     """
     s: Mapping[str, Floats] = dict(zip(SUMS, sums.T, strict=True))
     columns: dict[str, Any] = {"estimates": s["estimates"].astype(np.int64)}
@@ -66,14 +82,26 @@ def responses(sums: Floats, duration_ns: int | NDArray[np.int64]) -> pd.DataFram
     columns["availability"] = s["available_ns"] / duration_ns
     columns["updates"] = s["updates"].astype(np.int64)
     flag, known = inconsistent(columns["nees_position"], s["nees_estimates"])
-    columns["inconsistent"] = flag if known.all() else pd.arrays.BooleanArray(flag, ~known)
+    columns["inconsistent"] = _flags(flag, known)
     columns["lost"] = lost(
         s["late_estimates"], s["late_error_square"], s["late_distance_square"]
     )
     columns["broken"] = s["broken"] > 0
     columns["own_relative_nees_position"] = own_nees
     columns["own_relative_nees_estimates"] = s["own_relative_nees_estimates"].astype(np.int64)
+    longest_s = s["beyond_longest_ns"] / 1e9
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = s["beyond_ns"] / (duration_ns - settling_ns)
+    columns["beyond_claim"] = np.where(known, share, np.nan)
+    columns["beyond_claim_longest_s"] = np.where(known, longest_s, np.nan)
+    flag = misleading(columns["nees_position"], columns["absolute_total_rms_m"], longest_s)
+    columns["misleading"] = _flags(flag, known)
     return pd.DataFrame(columns)
+
+
+def _flags(flag: NDArray[np.bool_], known: NDArray[np.bool_]) -> Any:
+    """Flags as a column; missing where they are unknown."""
+    return flag if known.all() else pd.arrays.BooleanArray(flag & known, ~known)
 
 
 def sums_of(run: Run) -> Floats:
@@ -116,6 +144,8 @@ def sums_of(run: Run) -> Floats:
         if claims is not None:
             nees = claims[use & ~np.isnan(claims)]
             s[f"{prefix}nees"], s[f"{prefix}nees_estimates"] = in_order(nees), float(len(nees))
+    beyond, longest = times_standing(judged, use & beyond_claim(judged))
+    s["beyond_ns"], s["beyond_longest_ns"] = float(beyond), float(longest)
     if judged.own_relative is not None:
         s["own_relative_estimates"] = s["estimates"]
     if estimates.nis is not None:

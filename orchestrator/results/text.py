@@ -13,11 +13,11 @@ from ..data.tables import Columns, TableColumn
 from ..judge import possible
 from ..judge.columns import CHI_SQUARES, ERRORS, PERCENTILES
 from ..judge.consistency import COVARIANCES, Verdict
-from ..judge.definitions import AXES, FRAMES, Judged
+from ..judge.definitions import AXES, BEYOND_M, FRAMES, MISLEADING, MISLEADING_S, Judged
 from ..layout import WIDTH, fitted, shorter
 from ..scenario.labels import RAW
 from ..words.lists import plural
-from ..words.numbers import meters, rounded
+from ..words.numbers import meters, number, rounded
 from ..words.shares import percent
 
 if TYPE_CHECKING:
@@ -209,9 +209,20 @@ def _verdict(result: ToldResult, receiver: str) -> str:
     if row.estimates < _FEW and row.update_share < 0.5:
         updates = row.estimates / row.update_share
         lost += f"{row.estimates} {plural(row.estimates, 'estimate')} in {updates:.0f} updates; "
+    misleads = f"; {_misleading(row)}" if pd.notna(row.misleading) and row.misleading else ""
     return (
         f"{lost}{meters(reached)} RMS, 95 % within {meters(most)}; {_claim(result, receiver)}"
+        f"{misleads}"
     )
+
+
+def _misleading(row: Any) -> str:
+    """Why a run is misleading: for how long, or by how much on the whole."""
+    longest = row.beyond_claim_longest_s
+    if longest > MISLEADING_S:
+        return f"misleading: for {longest:.0f} s beyond three times what it claims"
+    factor = (row.nees_position / row.nees_position_expected) ** 0.5
+    return f"misleading: {number(factor)} times as far off as it claims"
 
 
 def _claim(result: ToldResult, receiver: str) -> str:
@@ -336,6 +347,12 @@ def about(result: ToldResult, receiver: str) -> list[str]:
             lines.append(f"  mean {words} {row[name]:.2f}, {_compared(row, name)}")
     for frame, verdict in result.consistency[receiver].items():
         lines.append(f"  {COVARIANCES[frame]}: {verdict}")
+    if pd.notna(row.beyond_claim):
+        lines.append(
+            f"  error beyond three times its claim, and {BEYOND_M:g} m, for "
+            f"{percent(row.beyond_claim, '.1f')} of the time, at most "
+            f"{row.beyond_claim_longest_s:g} s without a break"
+        )
     if pd.isna(row.inconsistent):
         lines.append(f"  consistency unknown: {_without_covariance(result, receiver)}")
     if row.lost:
@@ -373,7 +390,8 @@ def notes(result: ToldResult) -> list[str]:
     claims = result.summary[list(_CONSISTENCY)].notna().any(axis=None)
     own = _OWN_NOTES if "own_relative" in frames_in(result.errors) else ()
     noted = [*own, *possible.notes(result.verdicts), *raw]
-    return [*_NOTES, *noted, *((_CLAIM_NOTE, *_CONSISTENCY_NOTES) if claims else ())]
+    claimed = (_CLAIM_NOTE, *_CONSISTENCY_NOTES, MISLEADING) if claims else ()
+    return [*_NOTES, *noted, *claimed]
 
 
 def _compared(row: Any, name: str) -> str:

@@ -290,7 +290,7 @@ def _table(
     study = campaign.study
     columns = _about(campaign, runs)
     for number, label in enumerate(campaign.receivers):
-        judged = responses(sums[:, number], durations)
+        judged = responses(sums[:, number], durations, study.settling_ns)
         columns |= {f"{label}.{name}": judged[name].array for name in judged}
         for k, response in enumerate(study.asked):
             columns[f"{label}.{response.name}"] = extra[:, number, k]

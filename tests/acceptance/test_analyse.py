@@ -186,12 +186,12 @@ def test_figures_come_before_tables_and_each_point_says_what_went_wrong(tmp_path
     (part,) = [e for e in tree.iter("div") if e.get("id") == "points"]
     head, *rows = (["".join(c.itertext()) for c in row] for row in part.iter("tr"))
     assert head == ["Point", "GPS error", "depth error", "Runs", "ekf: mean RMS [m]",
-                    "ekf: inconsistent", "ekf: lost"]
+                    "ekf: inconsistent", "ekf: lost", "ekf: misleading"]
     runs = store.table(tmp_path / "own").groupby("point")
     for row, (point, mine) in zip(rows, runs, strict=True):
         levels = [f"{mine[name].iloc[0]:g} m" for name in ("gps", "depth")]
         shares = [f"{100 * mine[f'ekf.{name}'].astype(float).mean():.1f} %"
-                  for name in ("inconsistent", "lost")]
+                  for name in ("inconsistent", "lost", "misleading")]
         assert row[:4] == [str(point), *levels, "3"]
         assert float(row[4]) == pytest.approx(mine["ekf.absolute_total_rms_m"].mean(), rel=0.01)
         assert row[5:] == shares

@@ -20,7 +20,7 @@ RESPONSE = "absolute_total_rms_m"
 """RMS of the total error, as in the paper."""
 
 
-ALWAYS = (*NEES_COLUMNS.values(), RESPONSE, "inconsistent", "lost")
+ALWAYS = (*NEES_COLUMNS.values(), RESPONSE, "inconsistent", "lost", "misleading")
 """Responses of each receiver that every report shows."""
 
 

@@ -111,7 +111,9 @@ def _needed(names: Sequence[str]) -> list[str]:
     from ...judge.consistency import NEES_COLUMNS
 
     own = ("point", "replicate", "error")
-    responses = (*NEES_COLUMNS.values(), "absolute_total_rms_m", "inconsistent", "lost")
+    responses = (
+        *NEES_COLUMNS.values(), "absolute_total_rms_m", "inconsistent", "lost", "misleading",
+    )  # fmt: skip
     return [name for name in names if name in own or name.partition(".")[2] in responses]
 
 
@@ -131,6 +133,7 @@ def _receivers(runs: pd.DataFrame) -> dict[str, Any]:
             "rms_m": pooled(runs[column].to_numpy(float, na_value=nan)),
             "inconsistent": runs[f"{name}.inconsistent"].astype("Float64").mean(),
             "lost": runs[f"{name}.lost"].astype("Float64").mean(),
+            "misleading": _mean(runs, f"{name}.misleading"),
             "covariances": {},
         }
     said = {name: iter(sentences) for name, sentences in words.items()}
@@ -142,6 +145,11 @@ def _receivers(runs: pd.DataFrame) -> dict[str, Any]:
     return found
 
 
+def _mean(runs: pd.DataFrame, column: str) -> Any:
+    """Mean of a column, which runs of an earlier version lack."""
+    return runs[column].astype("Float64").mean() if column in runs else nan
+
+
 def study_lines(study: study_documents.Study, verbose: bool) -> Iterator[str]:
     """A verdict for each receiver, then the number of runs.
 
@@ -151,10 +159,12 @@ def study_lines(study: study_documents.Study, verbose: bool) -> Iterator[str]:
         Add the remarks on each covariance, and the share of inconsistent runs.
     """
     from ...words.numbers import meters
-    from ...words.shares import percent
+    from ...words.shares import percent, rough_percent
 
     for name, receiver in study.receivers.items():
         lost = f", {percent(receiver.lost, '.0f')} lost" if receiver.lost else ""
+        if receiver.misleading:
+            lost += f", {rough_percent(receiver.misleading)} misleading"
         rms = "–" if receiver.rms_m is None else meters(receiver.rms_m)
         yield f"{name}: {rms} RMS over all runs{lost}; {_trust(receiver)}"
         if verbose:
@@ -166,6 +176,10 @@ def study_lines(study: study_documents.Study, verbose: bool) -> Iterator[str]:
         from ...judge.definitions import LOST
 
         yield LOST
+    if verbose or any(receiver.misleading for receiver in study.receivers.values()):
+        from ...judge.definitions import MISLEADING
+
+        yield MISLEADING
     yield f"{study.finished} runs, {study.failed} failed"
     if study.failure is not None:
         yield f"  e.g. {study.failure}"

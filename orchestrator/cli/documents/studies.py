@@ -58,6 +58,8 @@ class StudyReceiver(DocumentPart):
     """Share of the runs whose mean NEES lies above its band; null if none has a covariance."""
     lost: Number
     """Share of lost runs."""
+    misleading: Number
+    """Share of misleading runs among those with a NEES; null if none has one."""
     covariances: dict[Claimed, CovarianceOverPoints]
     """By frame."""
 

@@ -34,7 +34,7 @@ def by_place(runs: Mapping[str, pd.DataFrame], response: str) -> dict[str, dict[
     """
     values = {
         name: {
-            receiver: table[f"{receiver}.{response}"].to_numpy(np.float64, na_value=np.nan)
+            receiver: _column(table, f"{receiver}.{response}")
             for receiver in receivers_in(table)
         }
         for name, table in runs.items()
@@ -44,6 +44,13 @@ def by_place(runs: Mapping[str, pd.DataFrame], response: str) -> dict[str, dict[
         common = [receiver for receiver in first if all(receiver in other for other in others)]
         values[ALL] = {r: np.mean([mine[r] for mine in values.values()], axis=0) for r in common}
     return values
+
+
+def _column(table: pd.DataFrame, name: str) -> Floats:
+    """A column as numbers; NaN in runs of an earlier version, which lack it."""
+    if name not in table:
+        return np.full(len(table), np.nan)
+    return table[name].to_numpy(np.float64, na_value=np.nan)
 
 
 def ranked(values: Values) -> Iterator[str]:
@@ -73,20 +80,43 @@ def levels(
     """The rows of `sblcosim.comparison.tournament.result.Tournament.levels`."""
     frame = "own_relative" if settings["response"].startswith("own_relative") else "absolute"
     nees, lost = by_place(runs, NEES_COLUMNS[frame]), by_place(runs, "lost")
+    misleading = by_place(runs, "misleading")
     for place in lost:
         for receiver in (r for r in ranked if r in lost[place]):
-            own = [
-                mine[receiver] for name, mine in lost.items()
-                if name == place or (place == ALL and name != ALL)
-            ]  # fmt: skip
-            count = round(sum(float(np.nansum(it)) for it in own))
-            verdict = of_runs(nees[place][receiver], count / max(sum(map(len, own)), 1))
+            own = _flags(lost, place, receiver)
+            count = round(float(np.nansum(own)))
+            verdict = of_runs(nees[place][receiver], count / max(len(own), 1))
+            shares = {
+                **_share("lost", count, len(lost[place][receiver]), place),
+                **_misleading(_flags(misleading, place, receiver), place),
+            }
             for response, mine in values.items():
                 found = level(mine[place][receiver], settings["contamination"])
                 yield {
-                    **_row(place, receiver, response, found, count, verdict),
+                    **_row(place, receiver, response, found, shares, verdict),
                     "rms_over_runs": _rms(mine, place, receiver, response),
                 }
+
+
+def _flags(values: Mapping[str, Mapping[str, Floats]], place: str, receiver: str) -> Floats:
+    """Flags of all runs of a place; NaN where they are unknown."""
+    parts = [name for name in values if name != ALL] if place == ALL else [place]
+    return np.concatenate([values[name][receiver] for name in parts])
+
+
+def _share(name: str, count: int, runs: int, place: str) -> dict[str, Any]:
+    """A number of runs, with the interval of their share in a scenario."""
+    ends = (np.nan, np.nan) if place == ALL else share_interval(count, runs)
+    return {name: count, f"{name}_low": ends[0], f"{name}_high": ends[1]}
+
+
+def _misleading(flags: Floats, place: str) -> dict[str, Any]:
+    """Misleading runs, of those in which that is known; missing if it is known of none."""
+    known = flags[~np.isnan(flags)]
+    found = _share("misleading", round(float(known.sum())), len(known), place)
+    if not len(known):
+        found = {"misleading": pd.NA, "misleading_low": np.nan, "misleading_high": np.nan}
+    return {**found, "misleading_known": len(known)}
 
 
 def _rms(values: Values, place: str, receiver: str, response: str) -> float:
@@ -102,14 +132,13 @@ def _rms(values: Values, place: str, receiver: str, response: str) -> float:
 
 
 def _row(
-    place: str, receiver: str, response: str, found: Level, lost: int, verdict: Verdict
+    place: str, receiver: str, response: str, found: Level, shares: Mapping[str, Any],
+    verdict: Verdict,
 ) -> dict[str, Any]:
-    ends = (np.nan, np.nan) if place == ALL else share_interval(lost, found.runs)
     return {
         "scenario": place, "receiver": receiver, "response": response, **found.to_json(),
-        "lost": lost, "lost_low": ends[0], "lost_high": ends[1], "covariance": verdict.verdict,
-        "covariance_factor": verdict.factor, "covariance_words": str(verdict),
-        "nees_runs": verdict.runs,
+        **shares, "covariance": verdict.verdict, "covariance_factor": verdict.factor,
+        "covariance_words": str(verdict), "nees_runs": verdict.runs,
     }  # fmt: skip
 
 

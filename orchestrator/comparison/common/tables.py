@@ -43,6 +43,14 @@ LEVELS = Columns(
         TableColumn("lost_low", "Lower end of the 95 % interval of the share of lost runs; null "
                     "over all scenarios."),
         TableColumn("lost_high", "Upper end of the interval of the share of lost runs."),
+        TableColumn("misleading", "Number of misleading runs, over all scenarios in the rows of "
+                    "all; null without NEES.", type=int | None),
+        TableColumn("misleading_low", "Lower end of the 95 % interval of the share of misleading "
+                    "runs; null over all scenarios, and without NEES."),
+        TableColumn("misleading_high", "Upper end of the interval of the share of misleading "
+                    "runs."),
+        TableColumn("misleading_known", "Number of runs with a NEES, of which they are a share.",
+                    type=int),
         TableColumn("covariance", "What the runs say about the covariance.",
                     type=Literal["in band", "optimistic", "pessimistic", "one run", "unknown"]),
         TableColumn("covariance_factor", "True standard deviation over the claimed one; above 1 is "

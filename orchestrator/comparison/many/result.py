@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from ... import artifacts, style
 from ...answer import Answer
 from ...catalogue import Job
-from ...judge.definitions import LOST
+from ...judge.definitions import LOST, MISLEADING
 from ...layout import fitted
 from ...results.data_sheet import NOTE as SHEET
 from ...results.result import Result
@@ -29,6 +29,16 @@ if TYPE_CHECKING:
 
 TYPICAL, WORST = "typical", "worst"
 """The selected runs, and the names of their folders."""
+
+
+def _misleading(row: Any) -> str:
+    """In how many runs a receiver was misleading, with the interval of the share; empty without a
+    covariance."""
+    known = row["misleading_known"]
+    if not known:
+        return ""
+    of = "" if known == row["runs"] else f" of {known}"
+    return f", misleading in {row['misleading']}{of} ({sentences.share_of_misleading(row)} %)"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -107,7 +117,8 @@ class Many(Answer):
 
     @property
     def answer(self) -> str:
-        """A line for each receiver: its errors, how often it was lost, and the selected runs."""
+        """A line for each receiver: its errors, how often it was lost and misleading, and the
+        selected runs."""
         it, place, lines = self.runs, self.scenario_name, []
         for receiver in self.receivers:
             row = it.level(place, receiver)
@@ -120,6 +131,7 @@ class Many(Answer):
             within = f", 95 % within {measured(radius, 'm')}" if isfinite(radius) else ""
             lines.append(
                 f"{receiver}: {rms} RMS{within}, lost in {row['lost']} of {runs} runs"
+                f"{_misleading(row)}"
                 + (f", failed in {row['failed']}" if row["failed"] else "")
             )
         told = [
@@ -159,7 +171,8 @@ class Many(Answer):
         shown = sheet if verbose else sheet[:1]
         lines = [self.answer, *([""] if sheet else []), *shown, ""]
         lines += [f"{place}: {it.settings['runs']} runs, seeds from {it.settings['seed']}"]
-        lines += [*sentences.levels(it, place, width)]
+        told = () if verbose else (sentences.MISLEADING_COLUMN,)  # the answer has it
+        lines += [*sentences.levels(it, place, width, told)]
         if verbose:
             lines += ["", *sentences.spreads(it, place, width), "", *self._verbose_notes(sheet)]
         else:
@@ -182,7 +195,7 @@ class Many(Answer):
             yield f"{receiver}: covariance {said}"
         if sheet:
             yield SHEET
-        yield from (LOST, sentences.WITHIN)
+        yield from (LOST, MISLEADING, sentences.WITHIN)
 
     def write(
         self, folder: Path, theme: style.ThemeName = "light", figures: bool = True

@@ -20,7 +20,7 @@ from sblcosim.fmus.stopping import interruptible
 
 from ...errors import ConfigurationError, instance, nearest, quoted, shortened
 from ...judge.definitions import AXES, FRAMES
-from ...results.responses import ON_REQUEST, RESPONSES, Percentile
+from ...results.responses import FLAGS, ON_REQUEST, RESPONSES, Percentile
 from ...results.user_responses import of_file, of_function
 from ...scenario.files import naming_files
 from ...scenario.overrides import pairs
@@ -45,7 +45,7 @@ RUNS = 200
 """Default number of runs."""
 AnyScenario = str | Path | Scenario | Mapping[str, Any]
 _SIGNED = {f"{frame}_{axis}_mean_m" for frame in FRAMES for axis in AXES}
-_RATES = ("lost", "broken", "inconsistent")
+_RATES = (*FLAGS, "beyond_claim")
 
 
 @interruptible
@@ -254,7 +254,7 @@ def evaluate(
             [pd.DataFrame({"scenario": name, **dict(t.items())}) for name, t in runs.items()],
             ignore_index=True,
         ),
-        pd.DataFrame(levels(runs, values, order, settings)),
+        pd.DataFrame(levels(runs, values, order, settings)).astype({"misleading": "Int64"}),
         differences(values, order, settings),
         update_s or {},
     )

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from math import isfinite, isnan
+from math import ceil, floor, isfinite, isnan
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
 from ...judge.consistency import COVARIANCES
-from ...judge.definitions import LOST
+from ...judge.definitions import LOST, MISLEADING
 from ...judge.over_runs import SUFFIX
 from ...layout import fitted, table
 from ...results.responses import RESPONSES, readable, unit_of
@@ -41,7 +41,8 @@ _NOTES = (
     "sign test, which assumes nothing, decides which is better. The table has an interval of the "
     "mean only with enough runs, without failed runs, and unless a few runs dominate the mean.",
     WITHIN,
-    f"{LOST} Update: time of an update, of our receivers in their engine for one simulation; only "
+    f"{LOST} {MISLEADING} Its share is of the runs with a NEES, with its 95 % interval. "
+    "Update: time of an update, of our receivers in their engine for one simulation; only "
     "roughly so.",
 )
 
@@ -182,12 +183,15 @@ def _dives(row: Any) -> str:
 
 
 def _though(it: Tournament, place: str, best: str, others: Sequence[str]) -> Iterator[str]:
-    """What the share of dives hides: the better receiver is lost, or fails, more often."""
+    """What the share of dives hides: the better receiver is lost, or misleading, or fails, more
+    often."""
     mine = it.level(place, best)
     scenarios = len(it.places) - 1 if place == ALL else 1
     for what, said, runs in (("lost", "it was lost", scenarios * mine["runs"]),
+                             ("misleading", "it was misleading", mine["misleading_known"]),
                              ("failed", "it failed", mine["runs"])):  # fmt: skip
-        if mine[what] > min(it.level(place, name)[what] for name in others):
+        counts = [n for name in others if pd.notna(n := it.level(place, name)[what])]
+        if pd.notna(mine[what]) and counts and mine[what] > min(counts):
             yield f"But {said} in {mine[what]} of {runs} runs."
 
 
@@ -368,8 +372,8 @@ def _frame(it: Tournament) -> str:
 def _heads(it: Tournament) -> tuple[str, ...]:
     unit = f" [{unit_of(it.response)}]" if unit_of(it.response) else ""
     update = ("update",) if it.update_s else ()
-    return ("", _first(it), "95 % in a run [m]", f"95 % of runs{unit}", "lost", "covariance",
-            *update)  # fmt: skip
+    return ("", _first(it), "95 % in a run [m]", f"95 % of runs{unit}", "lost", "misleading",
+            "covariance", *update)  # fmt: skip
 
 
 def _first(it: Tournament) -> str:
@@ -378,9 +382,22 @@ def _first(it: Tournament) -> str:
     return f"{words_of(it.response).removesuffix(' total error')}{unit}"
 
 
-def levels(it: Tournament, place: str, width: int | None) -> Iterator[str]:
-    """The lines of the table of receivers."""
-    return _table([*_levels(it, place)], width, _heads(it), range(1, 5), (3,))
+MISLEADING_COLUMN = 5
+"""Index of the column of misleading runs in the table of receivers."""
+
+
+def levels(
+    it: Tournament, place: str, width: int | None, without: Sequence[int] = ()
+) -> Iterator[str]:
+    """The lines of the table of receivers.
+
+    Parameters
+    ----------
+    without
+        Indices of columns to leave out.
+    """
+    optional = (3, MISLEADING_COLUMN)
+    return _table([*_levels(it, place)], width, _heads(it), range(1, 5), optional, without)
 
 
 def spreads(it: Tournament, place: str, width: int | None) -> Iterator[str]:
@@ -417,9 +434,23 @@ def _levels(it: Tournament, place: str) -> Iterator[tuple[str, ...]]:
             rounded(beside["mean"]),
             f"≤ {rounded(upper)}" if isfinite(upper) else "–",
             measured(100 * row["lost"] / whole, "%", 2),
+            _misleading(row),
             _covariance(row),
             *((_update(it, place, receiver),) if it.update_s else ()),
         )
+
+
+def _misleading(row: Any) -> str:
+    """The share of misleading runs and, within a scenario, its interval in whole per cents."""
+    if not row["misleading_known"]:
+        return "–"
+    said = measured(100 * row["misleading"] / row["misleading_known"], "%", 2)
+    return said if isnan(row["misleading_low"]) else f"{said} ({share_of_misleading(row)})"
+
+
+def share_of_misleading(row: Any) -> str:
+    """The interval of the share of misleading runs in a scenario, in whole per cents."""
+    return f"{floor(100 * row['misleading_low'])}–{ceil(100 * row['misleading_high'])}"
 
 
 def _covariance(row: Any) -> str:

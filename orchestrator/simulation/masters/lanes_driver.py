@@ -34,8 +34,11 @@ SUMS = (
     "own_relative_square_x", "own_relative_square_y", "own_relative_square_z",
     "own_relative_estimates",
     "own_relative_nees", "own_relative_nees_estimates",
+    "beyond_ns", "beyond_longest_ns",
 )
 """Sums over the estimates of a run; the C driver's ``enum sum`` is generated from these names.
+
+``beyond_longest_ns`` is not a sum, but the longest of several times.
 
 ``unjudged`` counts estimates whose epoch is older than the driver's memory or in the future. Such a
 run must be judged from its record.

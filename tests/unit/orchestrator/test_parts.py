@@ -104,7 +104,7 @@ def test_an_analysis_reads_each_column_that_it_needs_once_and_no_other(
     needed = {
         "replicate", "point", "run_order", "seed", "arm", "error",
         "ekf.absolute_total_rms_m", "ekf.nees_position", "ekf.own_relative_nees_position",
-        "ekf.inconsistent", "ekf.lost",
+        "ekf.inconsistent", "ekf.lost", "ekf.misleading",
     }  # fmt: skip
     assert read == dict.fromkeys(needed, 8)
 

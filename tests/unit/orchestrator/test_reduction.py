@@ -48,14 +48,14 @@ def hold_metrics_to(sums: Any, record: Record, receiver: str) -> None:
                     said, rel=1e-9, abs=1e-12, nan_ok=True
                 )
     for name in (
-        "estimates", "nees_position", "nis", "availability", "own_relative_nees_position"
+        "estimates", "nees_position", "nis", "availability", "own_relative_nees_position",
+        "beyond_claim", "beyond_claim_longest_s",
     ):
         assert row[name] == pytest.approx(judged[name], rel=1e-12, nan_ok=True)
     assert not row["broken"]
     assert row["lost"] == judged["lost"]
-    assert row["inconsistent"] is judged["inconsistent"] or (
-        row["inconsistent"] == judged["inconsistent"]
-    )
+    for name in ("inconsistent", "misleading"):
+        assert row[name] is judged[name] or row[name] == judged[name]
 
 
 @pytest.mark.parametrize(
@@ -270,6 +270,37 @@ def test_any_epoch_and_covariance_is_judged_alike_to_the_last_bit(
     used = sums[:, SUMS.index("estimates")]
     assert (sums[:, SUMS.index("nees_estimates")] < used).all()
     assert (sums[:, SUMS.index("nees_estimates")] > 0).all()
+
+
+@pytest.mark.parametrize("number", [1, 2, 4, 8])
+@pytest.mark.parametrize("start_ns", [0, 1_700_000_000 * SECOND])
+@pytest.mark.parametrize("change", [lambda s: s, coarse_target], ids=["plain", "coarse"])
+def test_the_times_beyond_the_claim_are_those_of_the_record_whatever_is_shown(
+    seam: Seam, change: Any, start_ns: int, number: int
+) -> None:
+    plan = resolve(started(start_ns)(change(base())))
+    if not possible(number, plan):
+        pytest.skip(f"this processor does not do {number} lanes")
+    rng = np.random.default_rng(number)
+    far, last = np.zeros(number), np.zeros(number)
+
+    def alter(shown: dict[str, Any], end: int) -> None:
+        far[:] = np.where(rng.random(number) < 0.1, rng.choice([0.0, 0.9, 50.0], number), far)
+        shown["position"][0] += far
+        shown["valid"][0] *= rng.random(number) > 0.05
+        last[:] = np.where(rng.random(number) < 0.3, last, shown["update_count"][0])
+        shown["update_count"][0] = last  # no new estimate for some time
+        shown["covariance"][0] *= rng.choice([1.0, 1.0, 1.0, 1.0, 1e-6, 0.0], number)
+
+    keep = tampered(seam, alter)
+    sums, expected, records = judged_by_both(plan, 5, number)
+    assert keep
+    np.testing.assert_array_equal(sums, expected)
+    s = dict(zip(SUMS, sums.T, strict=True))
+    assert not s["broken"].any()
+    assert (s["beyond_ns"] > s["beyond_longest_ns"]).all()
+    assert (s["beyond_longest_ns"] > np.diff(plan.instants).max()).all()
+    assert not all(r.values["ekf.valid"][20:].all() for r in records)
 
 
 @pytest.mark.parametrize("shift", [-25.0, 5.0], ids=["forgotten", "ahead"])

@@ -34,7 +34,7 @@ from sblcosim.require.run import decided
 from sblcosim.require.sequential import Elimination, Rule, looks, percentile
 from sblcosim.require.weighing import answered
 from sblcosim.results.figures.drawing import free_places
-from sblcosim.results.responses import RESPONSES, check_limit
+from sblcosim.results.responses import FLAGS, RESPONSES, check_limit
 from sblcosim.simulation.how import How
 from sblcosim.study import store
 from scipy import stats
@@ -1034,7 +1034,7 @@ def test_without_runs_there_is_no_chart(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", sorted(RESPONSES))
 def test_a_limit_that_no_run_can_be_within_is_refused(name: str) -> None:
     signed = name.endswith(("_x_mean_m", "_y_mean_m", "_z_mean_m"))
-    none = name in ("lost", "broken", "inconsistent")
+    none = name in FLAGS or name.startswith("beyond_claim")
     for limit, taken in ((-1.0, signed), (0.0, signed or none), (1e-9, True)):
         if taken:
             check_limit("limit", limit, name)

@@ -61,8 +61,8 @@ def test_every_sum_gives_what_its_definition_says(name: str, settling_ns: int) -
     record = execute(plan_of(scenario, WITH_OWN, **keys))
     span = int(record.time_ns[-1] - record.time_ns[0])
     for receiver in WITH_OWN:
-        made = sums.responses(sums.sums_of(Run(record, receiver, settling_ns))[None], span).iloc[0]
         run = Run(record, receiver, settling_ns)
+        made = sums.responses(sums.sums_of(run)[None], span, settling_ns).iloc[0]
         assert [*made.index, *ON_REQUEST] == list(RESPONSES)
         for column, value in made.items():
             defined = value_of(RESPONSES[str(column)], run)

@@ -252,7 +252,8 @@ def test_long_labels_keep_the_table_s_columns_in_line():
 def test_the_first_lines_are_a_verdict_for_each_receiver(result):
     lines = str(result).splitlines()
     assert lines[0] == (
-        "ekf: 5.0 m RMS, 95 % within 5.0 m; claims 0.87 m: do not trust its covariance"
+        "ekf: 5.0 m RMS, 95 % within 5.0 m; claims 0.87 m: do not trust its covariance; "
+        "misleading: 5.77 times as far off as it claims"
     )
     assert lines[1].startswith("raw: 2.0 m RMS, 95 % within 2.0 m; claims 0.87 m: ")
     right = make_record({"ekf": np.array([[0.5, 0.5, 0.5]]), "raw": np.array([[1.0, 0, 0]])})
@@ -274,7 +275,7 @@ def test_a_lost_receiver_is_not_said_to_look_right():
     wide = str(run_of(("ekf",), make_record(errors, variance=900.0))).splitlines()[0]
     assert wide == "ekf: lost; 50 m RMS, 95 % within 50 m; claims 52 m"
     small = str(run_of(("ekf",), make_record(errors))).splitlines()[0]
-    assert small.endswith("claims 0.87 m: do not trust its covariance")
+    assert "; claims 0.87 m: do not trust its covariance; misleading: 57.7 times as far" in small
 
 
 def test_one_run_is_said_not_to_tell_unless_it_does(result):

@@ -16,6 +16,9 @@
 #define MOST_SECONDS 9e9 /* largest time that fits into int64 nanoseconds */
 #define PIVOT 1e-14      /* smallest usable pivot, as a share of its diagonal element */
 #define COMPARED 16      /* instants compared with an epoch in all lanes at once */
+/* An error beyond what is claimed: its smallest NEES, and its smallest length [m]. */
+#define BEYOND_NEES 14.156413609126688
+#define BEYOND_M 1.0
 
 /* Elements of one component's outputs that feed another's inputs (or, before the start,
  * parameters). Indices count all values of a component. */
@@ -74,6 +77,12 @@ _Static_assert(sizeof(struct moment) == MOMENT * sizeof(real), "as lanes.py allo
 struct memory {
     struct moment *moments;
     int size, next, count, row; /* row: of the newest */
+};
+
+/* What is kept of a receiver from one instant to the next: its update count, and for how long the
+ * estimates that stand have been beyond their claim [ns]; -1: the one that stands is not. */
+struct watch {
+    real counted, beyond;
 };
 
 /* For few elements; calling memcpy would take longer than the copying. */
@@ -254,22 +263,40 @@ static void add_own_relative(const struct receiver *r, const real *v, const real
     add(&s[OWN_RELATIVE_NEES_ESTIMATES], usable, one);
 }
 
+/* Count the time until the next instant where the estimate that stands is beyond its claim. new:
+ * where it is new at this instant; far: where it is also beyond its claim. An estimate that is not
+ * valid at an instant stands no longer. */
+static inline void stand(struct watch *w, mask valid, mask new, mask far, real hold_ns, real *s)
+{
+    const mask was = m_le(r_set1(0.0), w->beyond);
+    if (!m_any(was | far)) /* as a rule */
+        return;
+    const mask on = (far | (was & ~new)) & valid;
+    w->beyond = r_blend(on, r_keep(was, w->beyond) + hold_ns, r_set1(-1.0));
+    add(&s[BEYOND_NS], on, hold_ns);
+    s[BEYOND_LONGEST_NS] = r_max(w->beyond, s[BEYOND_LONGEST_NS]);
+}
+
 /* Judge a receiver's outputs at an instant. squares: space for the LENGTHS squared errors of this
  * instant's estimates, or NULL; infinite in lanes without one. Returns whether there is any.
  * Inlined, so that the usual case contains no code for them. */
 __attribute__((always_inline)) static inline int
 judge(const struct plan *p, const struct receiver *r, const real *v, const struct memory *m,
-      real *counted, double settled, double late, real hold_ns, real *s,
+      struct watch *w, double settled, double late, real hold_ns, real *s,
       double *squares)
 {
     const real count = v[r->update_count], one = r_set1(1.0), zero = r_set1(0.0);
     const mask valid = r->valid >= 0 ? m_true(v[r->valid]) : m_lt(zero, count);
     add(&s[AVAILABLE_NS], valid, hold_ns);
-    mask new = m_ne(count, *counted) & valid;
-    *counted = count;
+    mask new = m_ne(count, w->counted) & valid;
+    w->counted = count;
     s[UPDATES] = count;
-    if (!m_any(new))
+    if (!m_any(new)) {
+        stand(w, valid, new, new, hold_ns, s);
         return 0;
+    }
+    const mask arrived = new;
+    mask far = new & ~new;
     real epoch = v[r->epoch];
     mask missing = new;
     real position[3], platform_error[3], platform[3];
@@ -358,7 +385,10 @@ judge(const struct plan *p, const struct receiver *r, const real *v, const struc
         usable &= use;
         add(&s[NEES], usable, nees);
         add(&s[NEES_ESTIMATES], usable, one);
+        far = usable & m_lt(r_set1(BEYOND_NEES), nees)
+              & m_lt(r_set1(BEYOND_M * BEYOND_M), square);
     }
+    stand(w, valid, arrived, far, hold_ns, s);
     if (r->nis >= 0) {
         const real degrees = r->nis_degrees >= 0 ? v[r->nis_degrees] : zero;
         const mask judged = r->nis_degrees >= 0 ? use & m_lt(zero, degrees) : use;
@@ -381,17 +411,17 @@ judge(const struct plan *p, const struct receiver *r, const real *v, const struc
 }
 
 static void reduce(const struct plan *p, const struct receiver *r, const real *v,
-                   const struct memory *m, real *counted, double settled, double late,
+                   const struct memory *m, struct watch *w, double settled, double late,
                    real hold_ns, real *s)
 {
-    judge(p, r, v, m, counted, settled, late, hold_ns, s, NULL);
+    judge(p, r, v, m, w, settled, late, hold_ns, s, NULL);
 }
 
 static int reduce_and_keep(const struct plan *p, const struct receiver *r, const real *v,
-                           const struct memory *m, real *counted, double settled, double late,
+                           const struct memory *m, struct watch *w, double settled, double late,
                            real hold_ns, real *s, double *squares)
 {
-    return judge(p, r, v, m, counted, settled, late, hold_ns, s, squares);
+    return judge(p, r, v, m, w, settled, late, hold_ns, s, squares);
 }
 
 /* Order statistics of a receiver's errors, (LENGTHS, LANES) by percentage; s: its sums. */
@@ -452,10 +482,11 @@ API int64_t PASTE(sblcosim_drive_, LANES)(const struct plan *p, void *const *blo
         shown[c] = held[c] ? (const real *)held[c] : (const real *)blocks[c];
     for (int64_t g = 0; g < groups; g++) {
         struct memory memory = {moments, p->remembered, 0, 0, 0};
-        real counted[MAX_RECEIVERS], total[MAX_RECEIVERS][SUMS];
+        struct watch watch[MAX_RECEIVERS];
+        real total[MAX_RECEIVERS][SUMS];
         int64_t filled[MAX_RECEIVERS] = {0};
         for (int r = 0; r < p->n_receivers; r++) {
-            counted[r] = r_set1(0.0);
+            watch[r] = (struct watch){r_set1(0.0), r_set1(-1.0)};
             for (int i = 0; i < SUMS; i++)
                 total[r][i] = r_set1(0.0);
         }
@@ -496,7 +527,7 @@ API int64_t PASTE(sblcosim_drive_, LANES)(const struct plan *p, void *const *blo
                 for (int r = 0; r < p->n_receivers; r++) {
                     const real *const v = shown[p->receivers[r].component];
                     if (!errors) {
-                        reduce(p, &p->receivers[r], v, &memory, &counted[r], settled, late, hold,
+                        reduce(p, &p->receivers[r], v, &memory, &watch[r], settled, late, hold,
                                total[r]);
                         continue;
                     }
@@ -504,7 +535,7 @@ API int64_t PASTE(sblcosim_drive_, LANES)(const struct plan *p, void *const *blo
                         errors->squares + (r * errors->room + filled[r]) * LENGTHS * LANES;
                     if (filled[r] == errors->room)
                         return -2;
-                    filled[r] += reduce_and_keep(p, &p->receivers[r], v, &memory, &counted[r],
+                    filled[r] += reduce_and_keep(p, &p->receivers[r], v, &memory, &watch[r],
                                                  settled, late, hold, total[r], to);
                 }
             }
