@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 import sblcosim
+from drawn_texts import spoiled_texts
 from matplotlib.animation import FFMpegWriter
 from PIL import Image
 from sblcosim import ConfigurationError, Result
@@ -84,6 +85,25 @@ def test_the_curves_grow_and_end_with_the_whole_run() -> None:
             sizes.append(len(lines["ekf"].get_xdata()))
     assert sizes[0] <= sizes[1] < sizes[2] == len(tracks["ekf"])
     assert lines["true path"].get_xdata()[-1] == pytest.approx(50.0)
+
+
+@pytest.mark.parametrize(
+    "name", ["north_2_km", "far_coordinates", "lost", "line_2_m", "straight_many", "runs_away"]
+)
+def test_no_text_of_a_frame_is_cut_off_or_lies_on_other_text(name: str) -> None:
+    record, tracks = run_of(SHAPES[name])
+    with animation.use("light") as look:
+        scene = animation.Scene(record, tracks, look)
+        scene.show(float(scene.times_s[-1]))
+        assert spoiled_texts(scene.figure) == []
+
+
+def test_raw_fixes_are_several_dots_in_the_legend() -> None:
+    record, tracks = run_of(SHAPES["straight_east_95_m"])
+    with animation.use("light") as look:
+        (legend,) = animation.Scene(record, tracks, look).figure.legends
+    names = [text.get_text() for text in legend.get_texts()]
+    assert len(legend.legend_handles[names.index("raw")].get_xdata()) == 3
 
 
 @pytest.mark.usefixtures("few")
