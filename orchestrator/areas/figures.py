@@ -17,6 +17,7 @@ from ..data.estimates import Floats
 from ..judge.definitions import MANY_LOST
 from ..results.figures.drawing import LINE, short, wrapped
 from ..results.figures.maps import LONGEST_ARM
+from ..scenario.conditions import conditions
 from ..style import SIZE, Theme, ThemeName, new_figure, use
 from ..words.lists import counted
 from ..words.numbers import meters
@@ -61,8 +62,8 @@ def plot_map(area: AreaMap, *, narrow: bool = False, theme: ThemeName = "light")
         _cells(second, area, possible, norm)
         dilution = _cells(third, area, hdop, _norm(hdop))
         handles, *_ = [_beacons(ax, area) for ax in axes]
-        lines = _requirement(first, area, receiver)
-        lines |= _requirement(second, area, possible, band=False)
+        lines = _requirement(second, area, possible, band=False)
+        lines |= _requirement(first, area, receiver)
         handles += lines.values()
         lost = f"more than {percent(MANY_LOST)} of the runs lost"
         handles += _hatched(first, area, area.of("lost_share") > MANY_LOST, lost)
@@ -209,7 +210,7 @@ def _requirement(
                        linestyles="dashed", **how).set(
                 path_effects=[patheffects.withStroke(linewidth=1.8, foreground="#ffffff")]
             )
-            noted(f"the same ± {NEAR:g} standard errors", lw=0.8, ls="dashed")
+            noted(f"{meters(limit)} ± {NEAR:g} standard errors", lw=0.8, ls="dashed")
     if crosses:
         line = ax.contour(east, north, np.ma.masked_invalid(values), linewidths=1.4, **how)
         line.set(path_effects=outline)
@@ -293,27 +294,12 @@ def _explain(
 
 def caption(area: AreaMap) -> str:
     """What was mapped: scenario, depth, beacons, sensors, sea and runs."""
-    platform = area.scenario.platform
     parts = [
         f"{area.scenario.name}, {area.grid.depth:g} m deep", counted(len(area.beacons), "beacon"),
-        "still water" if platform.beaufort is None else f"Beaufort {platform.beaufort}",
-        _sensor(platform, "GPS", "gps_grade", "gps_horizontal", "m"),
-        _sensor(platform, "compass", "imu_grade", "imu_heading", "deg"),
+        *conditions(area.scenario),
         f"{counted(int(area.cells['runs'].sum()), 'run')} in {counted(area.grid.count, 'cell')}",
     ]  # fmt: skip
     return f"{'; '.join(parts)}."
-
-
-def _sensor(platform: Any, name: str, grade: str, prefix: str, unit: str) -> str:
-    """The grade of a sensor, or the size of its error."""
-    given = getattr(platform, grade)
-    if given is not None:
-        return f"{name}: {given.replace('_', ' ')}"
-    parts = [getattr(platform, f"{prefix}_{part}_{unit}", 0.0) or 0.0
-             for part in ("std", "bias", "bias_std", "markov_std")]  # fmt: skip
-    size = float(np.linalg.norm(parts))
-    error = meters(size) if unit == "m" else f"{size:.2g}°"
-    return f"{name} error {error}" if size else f"exact {name}"
 
 
 def legend_above(figure: Figure, handles: list[Any], columns: int) -> None:
