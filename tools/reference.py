@@ -18,7 +18,13 @@ from typing import Any
 from sblcosim.cli.common.app import app
 from sblcosim.cli.documents.by_command import DOCUMENTS, schema
 from sblcosim.models import COMPONENTS, RECEIVERS
-from sblcosim.models.declaration import INT32_MAX, Component, Condition, Variable
+from sblcosim.models.declaration import (
+    INT32_MAX,
+    Component,
+    Condition,
+    Variable,
+    noise_keys,
+)
 from sblcosim.models.settings.assumptions import SOURCES
 from sblcosim.models.settings.keys import default
 from sblcosim.results import more
@@ -55,6 +61,8 @@ FOLLOWS: Mapping[str, Sequence[str]] = {
     **{f"receiver.{key}": sources for key, sources in SOURCES.items()},
 }
 """Keys whose default follows from other keys, and these."""
+NOISE = {variable.key for variable in noise_keys()}
+"""Keys that have an effect if any of a component's many random errors is there."""
 
 
 def tables() -> list[str]:
@@ -108,7 +116,8 @@ def _takers(table: str, key: str) -> dict[str, tuple[Component, Variable]]:
 def _facts(name: str, takers: dict[str, tuple[Component, Variable]]) -> Iterator[tuple[str, str]]:
     """What the declarations say; by component, where they differ."""
     if name.startswith("receiver."):
-        yield "Of", ", ".join(f"`{taker}`" for taker in takers)
+        named = ", ".join(f"`{taker}`" for taker in takers)
+        yield "Of", "all of ours" if len(takers) == len(RECEIVERS) else named
     for fact, of in (("Unit", _unit), ("One of", _choices), ("Default", _default),
                      ("Bounds", _bounds), ("Has an effect if", _effect)):
         if fact == "Default" and name in FOLLOWS:
@@ -181,6 +190,8 @@ def _short(number: float) -> str:
 
 def _effect(component: Component, variable: Variable) -> str:
     """When a parameter has an effect: at least one condition of each group holds."""
+    if variable.key in NOISE:
+        return "something of the component is random" if variable.needs else ""
     return "; and ".join(_any_of(component, group) for group in variable.needs)
 
 
@@ -229,7 +240,7 @@ def command_pages() -> Iterator[str]:
         records = [parameter.get_help_record(context) for parameter in command.params]
         yield from _head("argument or option", "what it is")
         for typed, words in filter(None, records):
-            shown = re.sub(r" <\w+>$", "", typed)  # without an argument's type
+            shown = re.sub(r" <[^ ]+>$", "", typed)  # without an argument's type
             yield _row(f"`{shown}`", _plain(words))
         yield ""
 

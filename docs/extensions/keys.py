@@ -16,6 +16,7 @@ def named(app: Sphinx, doctree: nodes.document) -> None:
     for table in doctree.findall(nodes.table) if app.env.docname == PAGE else ():
         first, *others = table.findall(nodes.row)
         if first.astext().startswith("key\n"):
+            table["classes"].append("keys")
             rows |= {str(next(row.findall(nodes.literal)).astext()): row for row in others}
     domain: Any = app.env.get_domain("std")
     for key, row in rows.items():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import PurePosixPath
 from typing import Any
 
@@ -11,6 +12,12 @@ from sphinx.application import Sphinx
 from sphinx.writers.html5 import HTML5Translator
 
 TABLE = "models/SYMBOLS"
+_BAR = "<mo>&#x0007C;</mo>"
+_EVEN_BAR = _BAR.replace("<mo>", '<mo stretchy="false" lspace="0" rspace="0">')
+"""A bar of the same height on both sides: one with an exponent is another operator."""
+_CLOSING = re.compile(r"[.,;:!?)\]]")
+_JOINED = "&#8288;"
+"""A word joiner: a line may begin with no punctuation."""
 
 
 def inline(writer: HTML5Translator, node: nodes.math) -> None:
@@ -29,7 +36,10 @@ def _write(writer: HTML5Translator, node: nodes.Element, display: bool) -> None:
     models = page.startswith("models/") or folder == "limits"
     known = of_page(folder, name) if models and page != TABLE else {}
     uri = writer.builder.get_relative_uri(page, TABLE)
-    writer.body.append(linked(node.astext(), display, known, f"{uri}#{{}}".format))
+    made = linked(node.astext(), display, known, f"{uri}#{{}}".format).replace(_BAR, _EVEN_BAR)
+    after = node.next_node(nodes.Text, descend=False, siblings=True)
+    joined = _JOINED if after is not None and _CLOSING.match(after.astext()) else ""
+    writer.body.append(f"{made}{joined}")
     raise nodes.SkipNode
 
 

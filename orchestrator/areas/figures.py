@@ -63,8 +63,8 @@ def plot_map(area: AreaMap, *, narrow: bool = False, theme: ThemeName = "light")
         _cells(second, area, possible, norm)
         dilution = _cells(third, area, hdop, _norm(hdop))
         handles, *_ = [_beacons(ax, area) for ax in axes]
-        lines = _requirement(first, area, receiver)
-        lines |= _requirement(second, area, possible, band=False)
+        lines = _requirement(second, area, possible, band=False)
+        lines |= _requirement(first, area, receiver)
         handles += lines.values()
         lost = f"more than {percent(MANY_LOST)} of the runs lost"
         handles += _hatched(first, area, area.of("lost_share") > MANY_LOST, lost)
@@ -211,7 +211,7 @@ def _requirement(
                        linestyles="dashed", **how).set(
                 path_effects=[patheffects.withStroke(linewidth=1.8, foreground="#ffffff")]
             )
-            noted(f"the same ± {NEAR:g} standard errors", lw=0.8, ls="dashed")
+            noted(f"{meters(limit)} ± {NEAR:g} standard errors", lw=0.8, ls="dashed")
     if crosses:
         line = ax.contour(east, north, np.ma.masked_invalid(values), linewidths=1.4, **how)
         line.set(path_effects=outline)

@@ -25,7 +25,7 @@ from ..judge.definitions import FRAME_WORDS
 from ..study import store
 from ..study.study import Study, load, shipped, study_of
 from ..style import ThemeName
-from ..words.lists import plural
+from ..words.lists import counted, plural
 from ..words.numbers import interval, number
 from . import levels, means, points, possible, space
 from . import two_level as factorial
@@ -264,7 +264,7 @@ def _again(study: Study, results: Path, command: str) -> Section:
     """How to reproduce the results."""
     about = store.described(results)
     lines = [
-        f"{_points(study)}, {study.replicates} replicates; {seeding(study)}.",
+        f"{_points(study)}, {counted(study.replicates, 'replicate')}; {seeding(study)}.",
     ]
     source, file = study.name, ""
     if source in shipped() and _same(study, load(source)):

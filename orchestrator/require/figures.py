@@ -111,11 +111,11 @@ def _designs(ax: Axes, answer: Requirement, at: pd.DataFrame, look: Theme) -> No
             ]
             ax.vlines(some["x"], *bars, color=colour, lw=width)
             ax.plot(some["x"], some["estimate"], marker, color=colour, ms=size, mew=0)
-        untried = int((every["runs"] == 0).sum())
-        hidden = f", {untried} not tried: not shown" if untried else ""
-        if len(every):
-            ax.plot([], [], marker, color=colour, ms=6, mew=0,
-                    label=f"{verdict} ({len(every)}{hidden})")
+        tried = int((every["runs"] > 0).sum())
+        if tried:
+            ax.plot([], [], marker, color=colour, ms=6, mew=0, label=f"{verdict} ({tried})")
+    if untried := int((at["runs"] == 0).sum()):
+        ax.plot([], [], " ", label=f"not tried: not shown ({untried})")
 
 
 def _beyond(ax: Axes, answer: Requirement, at: pd.DataFrame, look: Theme) -> pd.DataFrame:

@@ -414,11 +414,33 @@ def formulas_are_typeset_and_lead_to_their_symbols(site: Site) -> None:
         assert sum("SYMBOLS.html#symbol" in link for link in html.links) > 20, name
 
 
-PROBE = """<!DOCTYPE html><title>probe</title><pre id="found"></pre><script>
+PROBE = r"""<!DOCTYPE html><title>probe</title><pre id="found"></pre><script>
 const pages = PAGES, found = {};
 const wide = e => e.scrollWidth > e.clientWidth + 1;
 const printed = ".highlight-text, .sphx-glr-script-out, .cell_output";
 const tall = e => e.getBoundingClientRect().height;
+const rgba = text => {
+  const it = text.match(/[\d.]+/g).map(Number), unit = text.startsWith("color(") ? 255 : 1;
+  return [...it.slice(0, 3).map(v => v * unit), it[3] ?? 1];
+};
+const over = (a, b) => [0, 1, 2].map(i => a[i] * a[3] + b[i] * (1 - a[3])).concat(1);
+const light = c => [.2126, .7152, .0722].reduce((sum, share, i) => {
+  const v = c[i] / 255;
+  return sum + share * (v <= .03928 ? v / 12.92 : ((v + .055) / 1.055) ** 2.4);
+}, 0);
+function pale(d) {  // text that hardly stands out from what is behind it
+  return [...d.querySelectorAll("article *")].filter(e => {
+    const box = e.getBoundingClientRect();
+    const own = [...e.childNodes].some(n => n.nodeType == 3 && n.textContent.trim());
+    if (!own || !box.width || getComputedStyle(e).visibility != "visible") return false;
+    let behind = [255, 255, 255, 1];
+    const around = [];
+    for (let a = e; a; a = a.parentElement) around.unshift(a);
+    for (const a of around) behind = over(rgba(getComputedStyle(a).backgroundColor), behind);
+    const both = [light(over(rgba(getComputedStyle(e).color), behind)), light(behind)];
+    return (Math.max(...both) + .05) / (Math.min(...both) + .05) < 3;
+  }).map(e => e.textContent.trim().slice(0, 30));
+}
 async function look(page, width) {
   const frame = Object.assign(document.createElement("iframe"), { width, height: 900, src: page });
   const loaded = new Promise(done => { frame.onload = done; });
@@ -433,7 +455,16 @@ async function look(page, width) {
     code: [...d.querySelectorAll("pre")].filter(
       e => wide(e) && !e.closest(printed)).length,
     columns: [...d.querySelectorAll(`:is(${printed}) pre`)].filter(
-      e => ["whiteSpace", "overflowX"].map(it => getComputedStyle(e)[it]) != "pre,auto").length,
+      e => ["whiteSpace", "overflowX", "maxHeight"].map(it => getComputedStyle(e)[it])
+        != "pre,auto,none").length,
+    broken: [...d.querySelectorAll("code .pre")].filter(
+      e => !e.querySelector("wbr") && e.getClientRects().length > 1).map(e => e.textContent),
+    hidden: [...d.querySelectorAll("pre, .table-wrapper, div.formula, div.figure")].filter(
+      e => wide(e) && getComputedStyle(e).overflowX == "auto"
+        && getComputedStyle(e).scrollbarWidth != "auto").length,
+    pale: pale(d),
+    rows: new Set([...d.querySelectorAll("table.keys tbody tr")].map(
+      e => getComputedStyle(e).display)).values().toArray(),
     stuck: [...d.querySelectorAll("table")].filter(
       e => e.getBoundingClientRect().right > article.right + 1 && !scrolls(e)).length,
     brackets: [...d.querySelectorAll("mtable + mo")].map(
@@ -456,16 +487,26 @@ def every_page_fits_narrow_and_wide_windows(site: Site) -> None:
     pages = [page for page in pages if page.startswith(("docs/", "models/", "orchestrator/"))]
     assert len(pages) > 60
     (site.folder / "probe.html").write_text(PROBE.replace("PAGES", json.dumps(pages)), "utf-8")
-    printed, _ = browse(site.folder, "--virtual-time-budget=600000", "--dump-dom", "probe.html")
+    for scheme in (1, 0):  # light and dark
+        fits(pages, site, scheme)
+
+
+def fits(pages: list[str], site: Site, scheme: int) -> None:
+    printed, _ = browse(
+        site.folder, f"--blink-settings=preferredColorScheme={scheme}",
+        "--virtual-time-budget=600000", "--dump-dom", "probe.html",
+    )  # fmt: skip
     seen = json.loads(unescape(re.findall(r'<pre id="found">(.*?)</pre>', printed, re.DOTALL)[0]))
     assert len(seen) == 2 * len(pages)
     for name, it in seen.items():
+        assert it["broken"] == [], f"{name}: code that is broken within a word"
+        assert it["hidden"] == 0, f"{name}: no bar to move by what is wider than its place"
+        assert it["pale"] == [], f"{name}: text that can hardly be read"
+        assert it["code"] == 0, f"{name}: commands that are cut off"
         assert it["needed"] <= it["width"], f"{name}: wider than the window"
         assert it["stuck"] == 0, f"{name}: a table that is cut off"
         assert it["columns"] == 0, f"{name}: columns of an output that are wrapped"
-        if it["width"] < 400:
-            assert it["code"] == 0, f"{name}: commands that are cut off"
-        elif not name.startswith("docs/made"):
+        if it["width"] > 400 and not name.startswith("docs/made"):
             assert it["article"] > 750, f"{name}: leaves the width unused"
     if mathematical_fonts():
         brackets = seen["models/receiver/coupled.html 1400"]["brackets"]
@@ -474,6 +515,10 @@ def every_page_fits_narrow_and_wide_windows(site: Site) -> None:
     scenario = seen["docs/reference/scenario.html 1400"]
     assert scenario["fields"] == 1
     assert scenario["height"] < 21000
+    assert scenario["rows"] == ["table-row"]
+    narrow = seen["docs/reference/scenario.html 390"]
+    assert narrow["rows"] == ["block"]
+    assert narrow["height"] < 35000
 
 
 def mathematical_fonts() -> set[str]:

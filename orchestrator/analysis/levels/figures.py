@@ -105,6 +105,7 @@ def plot_pairs(
             Line2D([], [], color=colour, marker=marker, ms=5, lw=1.3, label=word,
                    mfc=colour if differs else look.paper)
             for differs, colour, marker, word in styles
+            if any((own["differs"] == differs).any() for own in shown)
         ])
     return panels
 

@@ -13,13 +13,17 @@ from ...errors import ConfigurationError, FmuError
 from ..common import completion
 from ..common.app import JsonOption, app, numeric, say, show, waiting
 
+FmuArgument = Annotated[
+    Path, typer.Argument(metavar="FILE.fmu", readable=False, help="The FMU to examine.")
+]
+
 
 @app.command()
 def build(
     names: Annotated[
         list[str] | None,
         typer.Argument(
-            metavar="[NAME]...",
+            metavar="NAME",
             help="Components; none: all.",
             autocompletion=completion.components,
         ),
@@ -75,7 +79,7 @@ def build(
 
 @app.command()
 def check(
-    file: Annotated[Path, typer.Argument(metavar="FILE.fmu", readable=False)],
+    file: FmuArgument,
     as_json: JsonOption = False,
 ) -> None:
     """Report whether an FMU can be a receiver.
@@ -98,7 +102,7 @@ def check(
 
 @app.command()
 def conformance(
-    file: Annotated[Path, typer.Argument(metavar="FILE.fmu", readable=False)],
+    file: FmuArgument,
     checks: Annotated[
         list[str] | None,
         typer.Option("--check", metavar="NAME", help="Run only this check; can be repeated."),

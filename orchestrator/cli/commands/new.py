@@ -37,7 +37,7 @@ def _option(name: str) -> Any:
 
 @app.command()
 def new(
-    file: Annotated[Path, typer.Argument(metavar="FILE.toml")],
+    file: Annotated[Path, typer.Argument(metavar="FILE.toml", help="Scenario file to write.")],
     source: Annotated[
         str | None,
         typer.Option(

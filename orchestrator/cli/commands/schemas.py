@@ -37,8 +37,8 @@ def schema(
     name: Annotated[
         str | None,
         typer.Argument(
-            metavar="[NAME]",
-            help="scenario, study, question, or COMMAND.json.",
+            metavar="NAME",
+            help="scenario, study, question, or COMMAND.json; none: list all.",
             autocompletion=_offers,
         ),
     ] = None,

@@ -33,7 +33,7 @@ from .studies import ContaminationOption, MasterOption, WorkersOption
 ScenariosArgument = Annotated[
     list[str],
     typer.Argument(
-        metavar="SCENARIO...",
+        metavar="SCENARIO",
         help="TOML files, or names from 'sblcosim scenarios'.",
         autocompletion=completion.scenarios,
     ),

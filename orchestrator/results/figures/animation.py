@@ -117,7 +117,7 @@ class Scene:
         self.figure: Figure = new_figure(*SIZE, laid_out=True)
         self.figure.set_layout_engine(PlaceHolderLayoutEngine(True, True))  # `use` lays out frames
         ground, errors = self.figure.subplots(1, 2)
-        self.figure.subplots_adjust(left=0.08, right=0.985, bottom=0.12, top=0.87, wspace=0.22)
+        self.figure.subplots_adjust(left=0.09, right=0.985, bottom=0.12, top=0.87, wspace=0.22)
         styled = list(drawing.lines_of(tracks, look))
         self._curves: list[tuple[Any, Floats, Floats]] = []
         self._map(ground, Platform(record, self._path), tracks, look)
@@ -133,18 +133,20 @@ class Scene:
         self.figure.legend(
             handles, [drawing.short_for(name, 1.6) for name in names], loc="upper left",
             bbox_to_anchor=(0.06, 0.995), ncols=min(len(names), 5), borderaxespad=0,
+            handler_map={h: drawing.SEVERAL for h in handles if h.get_marker() == "."},
         )  # fmt: skip
         self._title = errors.set_title("", loc="right")
 
     def _map(self, ax: Axes, platform: Platform, tracks: Tracks, look: Theme) -> None:
         limits = limits_of(np.vstack([self._path, self._beacons.mean(axis=0)]), tracks, "xy")
-        place = ax.get_position()
-        wide, high = np.array(SIZE) * (place.width, place.height)
-        scale = min(wide / np.ptp(limits["y_m"]), high / np.ptp(limits["x_m"]))
-        ax.set(
-            xlim=widened(limits["y_m"], wide / scale), ylim=widened(limits["x_m"], high / scale),
-            aspect="equal", xlabel="East y [m]", ylabel="North x [m]",
-        )  # fmt: skip
+        for _ in range(2):  # the numbers depend on the limits, and these on the room beside them
+            place = ax.get_position()
+            wide, high = np.array(SIZE) * (place.width, place.height)
+            scale = min(wide / np.ptp(limits["y_m"]), high / np.ptp(limits["x_m"]))
+            ax.set(xlim=widened(limits["y_m"], wide / scale),
+                   ylim=widened(limits["x_m"], high / scale))
+            _fit(ax)
+        ax.set(aspect="equal", xlabel="East y [m]", ylabel="North x [m]")
         ax.plot(*self._path[:, [1, 0]].T, color=look.grid, lw=1.2, zorder=1)
         (self._truth,) = ax.plot([], [], label="true path", **drawing.truth_of(look))
         self._arms = [
@@ -162,6 +164,7 @@ class Scene:
             fits = drawing.inches(beyond, SMALL) < _BEYOND
             said = f"above: {beyond}" if fits else "some errors are above"
             ax.set_title(said, loc="left", fontsize=SMALL)
+        _fit(ax)
         run.time_axis([ax], record)
         self._now = ax.axvline(self._time_s[0], color=look.soft, lw=0.8)
         self._unit = run.unit_of(record)
@@ -179,6 +182,15 @@ class Scene:
         self._now.set_xdata([time_s, time_s])
         name, seconds = self._unit
         self._title.set_text(f"{time_s / seconds:.{2 if seconds > 1 else 1}f} {name}")
+
+
+def _fit(ax: Axes) -> None:
+    """Make room for the numbers of the vertical axis."""
+    ax.yaxis.set_major_formatter(drawing.Numbers())
+    usual: Any = ax.get_subplotspec()
+    place = usual.get_position(ax.figure)
+    left = place.x0 + drawing.longer_numbers([ax]) / SIZE[0]
+    ax.set_position((left, place.y0, place.x1 - left, place.height))
 
 
 def _thinned(points: Floats) -> Floats:

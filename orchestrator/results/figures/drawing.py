@@ -7,6 +7,7 @@ that type has one size when they are shown at one width.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
 from math import ceil
@@ -22,12 +23,15 @@ from matplotlib.font_manager import FontProperties
 from matplotlib.legend_handler import HandlerBase, HandlerLine2D
 from matplotlib.lines import Line2D
 from matplotlib.path import Path
+from matplotlib.patheffects import AbstractPathEffect, withStroke
 from matplotlib.textpath import text_to_path
+from matplotlib.ticker import ScalarFormatter
 from matplotlib.transforms import IdentityTransform, ScaledTranslation
 
 from ...data.estimates import Floats
 from ...scenario.labels import RAW
 from ...style import LINES, MARKERS, SIZE, SMALL, Theme, new_figure
+from ...words.numbers import minus
 
 Tracks = Mapping[str, pd.DataFrame]
 
@@ -54,6 +58,9 @@ NOTHING = "\u200b"
 """A zero-width space."""
 LONGEST_NAME = 32
 """Longest name in a legend [characters]; all our own labels fit."""
+MOST_DIGITS = 8
+"""Length of a number at a tick above which it is rounded, if it is also large or small."""
+_POWER = re.compile(r"e\+?(-?)0*")
 _HANDLE = 0.6
 """Space in a legend beside a name and around it [inch]."""
 OUTLIER = 4.0
@@ -115,7 +122,8 @@ class _Dots(Line2D):
         self.stale = False
 
 
-_MANY: Mapping[Any, HandlerBase] = {_Dots: HandlerLine2D(numpoints=3)}
+SEVERAL: HandlerBase = HandlerLine2D(numpoints=3)
+_MANY: Mapping[Any, HandlerBase] = {_Dots: SEVERAL}
 """In a legend too, several dots stand for many: a single one is a mark on a map."""
 
 
@@ -125,6 +133,29 @@ def add_line(ax: Axes, x: Any, y: Any, how: Mapping[str, Any]) -> None:
         ax.plot(x, y, **how)
     else:
         ax.add_line(_Dots(np.asarray(x), np.asarray(y), **how))
+
+
+def halo(look: Theme) -> list[AbstractPathEffect]:
+    """What keeps a text readable on curves: a rim of paper."""
+    return [withStroke(linewidth=2.4, foreground=look.paper)]
+
+
+class Numbers(ScalarFormatter):
+    """Numbers at the ticks that are whole in themselves: no power of ten stands beside the axis."""
+
+    def format_ticks(self, values: Any) -> list[str]:
+        """The numbers as they are, or rounded if they are long and stay different."""
+        size = max(map(abs, values), default=0.0)
+        if size == 0 or 1e-4 <= size < 1e6:
+            return super().format_ticks(values)
+        plain = [f"{value:.10g}" for value in values]
+        short = [f"{value:.3g}" for value in values]
+        rounded = max(map(len, plain)) > MOST_DIGITS and len({*short}) == len(short)
+        return [minus(_POWER.sub(r"e\1", text)) for text in (short if rounded else plain)]
+
+    def get_offset(self) -> str:
+        """Nothing."""
+        return ""
 
 
 def truth_of(look: Theme) -> dict[str, Any]:
@@ -211,6 +242,7 @@ def panels(
     grid = figure.subplots(count, sharex=True, gridspec_kw={"height_ratios": heights})
     for ax in grid:
         ax.margins(x=0.01)
+        ax.yaxis.set_major_formatter(Numbers())
         if ax is not grid[-1]:
             ax.tick_params(axis="x", bottom=False)  # the grid is enough, and is drawn anyway
     return list(grid)
@@ -258,7 +290,7 @@ def finish(axes: Sequence[Any], own: bool, *title: str, beside: bool = False) ->
             handle.set(markersize=4 if many else 8)
 
 
-def _longer_numbers(axes: Sequence[Axes]) -> float:
+def longer_numbers(axes: Sequence[Axes]) -> float:
     """By how much the numbers of the vertical axes are wider than usual [inch]."""
     numbers = [
         word for ax in axes
@@ -318,7 +350,7 @@ def _set_margins(
         bottom=BOTTOM / height, top=body / height,
         hspace=gap * rows / (body - BOTTOM - gap * (rows - 1)),
     )  # fmt: skip
-    longer = _longer_numbers(axes)  # they depend on the height
+    longer = longer_numbers(axes)  # they depend on the height
     width, left = figure.get_figwidth() + longer, LEFT + longer
     figure.set_figwidth(width)
     panel = (width - left - right - GAP * (columns - 1)) / columns

@@ -48,6 +48,10 @@ MOST_REPORTS = 500
 """Reports of the platform's position that a map shows."""
 LONGEST_ARM = 10.0
 """Beacons farther from their middle than this [m] are not on arms of a platform."""
+NARROW_3D = 0.6
+"""Ratio of a horizontal side of the box in space to its longest below which ticks are few."""
+TICK_3D, OWN_TICK_3D, OWN_NAME_3D = 3.5, 8.0, 21.0
+"""Usual pad of a tick's number, and what Matplotlib adds to it and to that of a name [point]."""
 PAD_3D = -2.0
 """Gap between the numbers of an axis in space and its name [point]."""
 MARGINS_3D = (0.5, 1.0, 0.8, 0.1)
@@ -88,7 +92,7 @@ def plot_path(
                 name = drawing.short_for(styled[i][0], sheet.wide)
                 panel.set_title(name, loc="left")
         scale = sheet.scale if own else _scale(maps[0])
-        every = _time_between_marks(record.time_ns / 1e9, _marks(truth, scale))
+        every = _time_between_marks(*_in_motion(record), _marks(truth, scale))
         _name_axes(maps)
         drawing.finish(
             maps, own, "map" + (f", with a mark every {_in_words(every, every)}" if every else ""),
@@ -137,13 +141,7 @@ def plot_path_3d(
         for line in ax.lines:
             # The box may exceed the clip area of the axes; the layout ignores 3-D positions.
             line.set(clip_on=False, in_layout=False)
-        for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
-            axis.set_major_locator(MaxNLocator(5))
-            axis.set_pane_color(look.paper)
-            axis._axinfo["grid"].update(color=look.grid, linewidth=0.6)
-            numbers = axis.get_major_formatter().format_ticks(axis.get_majorticklocs())
-            pad = (30 if axis is ax.zaxis else 50) * max(map(drawing.inches, numbers))
-            axis.labelpad = PAD_3D + pad
+        _axes_in_space(ax, (east, north, height), look)
         drawing.finish(
             [ax], own, "path in space", stretched, drawing.outside(tracks, limits),
             drawing.no_fix(tracks),
@@ -206,8 +204,11 @@ def _are_far(beacons: Floats) -> bool:
 
 
 def limits_of(seen: Floats, tracks: Tracks, axes: Sequence[str]) -> dict[str, tuple[float, float]]:
-    """Limits of each coordinate, by column; estimates extend equally in all directions."""
-    reach = float(np.ptp(seen[:, :2], axis=0).max()) / 2
+    """Limits of each coordinate, by column; estimates extend equally in all directions.
+
+    `seen` has north, east and depth: errors above a deep dive are as large as far beside it.
+    """
+    reach = float(np.ptp(seen, axis=0).max()) / 2
     return {
         f"{axis}_m": drawing.limits(seen[:, i], tracks, axis, reach) for i, axis in enumerate(axes)
     }
@@ -270,6 +271,8 @@ class _Sheet:
             above.tick_params(labelbottom=True)
         for panel in grid.flat[:count]:
             longest = max(drawing.inches(f"{end:.0f}") for end in self.limits["y_m"])
+            panel.xaxis.set_major_formatter(drawing.Numbers())
+            panel.yaxis.set_major_formatter(drawing.Numbers())
             panel.xaxis.set_major_locator(_locator(self.wide, longest + 0.35))
             panel.yaxis.set_major_locator(_locator(self.high, 0.4))
         return list(grid.flat[:count])
@@ -305,9 +308,17 @@ def _marks(path: Floats, scale: float) -> int:
     return min(int(min(steps, TURNS * reach) * scale / MARK), MOST_MARKS)
 
 
-def _time_between_marks(time_s: Floats, most: int) -> float:
+def _in_motion(record: Record) -> tuple[float, float]:
+    """When the diver begins to move, seen from above, and when they rest for good [s]."""
+    path = recorded(record, "target.position")[:, :2]
+    moves = np.flatnonzero(np.abs(np.diff(path, axis=0)).max(axis=1) > 1e-9)
+    first, last = (moves[0], moves[-1] + 1) if len(moves) else (0, 0)
+    return float(record.time_ns[first]) / 1e9, float(record.time_ns[last]) / 1e9
+
+
+def _time_between_marks(first_s: float, last_s: float, most: int) -> float:
     """Time between marks [s]; 0 if there is no room for any."""
-    span = float(time_s[-1] - time_s[0])
+    span = last_s - first_s
     every = next((step for step in STEPS_S if step * most >= span), span)
     return every if every <= 0.75 * span else 0.0
 
@@ -323,7 +334,7 @@ def _mark_times(
 ) -> None:
     """Marks and arrowheads along the true path, with labels where they hide least."""
     time_s, path = record.time_ns / 1e9, recorded(record, "target.position")[:, [1, 0]]
-    first, last = time_s[0], time_s[-1]
+    first, last = _in_motion(record)
     marks = np.empty(0)
     if every:
         marks = np.arange(ceil((first + 0.5 * every) / every) * every, last - 0.25 * every, every)
@@ -331,7 +342,7 @@ def _mark_times(
     at = np.column_stack([np.interp(marks, time_s, c) for c in path.T])
     ax.plot(*at.T, ls="", marker="o", ms=3.5, color=look.ink, zorder=5.5)
     words = _ends(ax, path[[0, -1]])
-    labels = [(point, _in_words(float(t), every)) for point, t in zip(at, marks, strict=True)]
+    labels = _rests_together(at, [_in_words(float(t), every) for t in marks])
     for row, word, marker in ENDS:
         ax.plot(*path[row], marker, color=look.ink, mfc=look.paper, ms=7, zorder=6)
         if word in words:
@@ -343,7 +354,20 @@ def _mark_times(
         np.vstack([path, *lines]), np.vstack(dots) if dots else None,
     )  # fmt: skip
     for (point, word), place in zip(labels, places, strict=True):
-        ax.text(point[0], point[1], word, fontsize=SMALL, zorder=7, **place)
+        ax.text(point[0], point[1], word, fontsize=SMALL, zorder=7,
+                path_effects=drawing.halo(look), **place)
+
+
+def _rests_together(at: Floats, words: Sequence[str]) -> list[tuple[Floats, str]]:
+    """The marks with their labels; those of a rest share one, from its first to its last."""
+    labels: list[tuple[Floats, str]] = []
+    for row, word in enumerate(words):
+        if row and np.array_equal(at[row], at[row - 1]):
+            point, before = labels.pop()
+            labels.append((point, f"{before.partition('–')[0].split()[0]}–{word}"))
+        else:
+            labels.append((at[row], word))
+    return labels
 
 
 def _point_ahead(ax: Axes, time_s: Floats, path: Floats, every: float, look: Theme) -> None:
@@ -381,6 +405,25 @@ def _ends(ax: Axes, points: Floats) -> dict[str, str]:
 
 
 # --- In space ------------------------------------------------------------------------------------
+
+
+def _axes_in_space(ax: Axes3D, box: tuple[float, float, float], look: Theme) -> None:
+    """Ticks as dense as there is room, and their numbers and the names clear of the axes.
+
+    Matplotlib's distances from an axis in space are shares of the other sides of the box.
+    """
+    sides = np.array(box) / max(box)
+    for axis, side in zip((ax.xaxis, ax.yaxis, ax.zaxis), sides, strict=True):
+        few = axis is not ax.zaxis and side < NARROW_3D  # numbers of different depths are apart
+        axis.set_major_locator(MaxNLocator(3 if few else 5))
+        axis.set_pane_color(look.paper)
+        axis._axinfo["grid"].update(color=look.grid, linewidth=0.6)
+        numbers = axis.get_major_formatter().format_ticks(axis.get_majorticklocs())
+        pad = (30 if axis is ax.zaxis else 50) * max(map(drawing.inches, numbers))
+        axis.labelpad = PAD_3D + pad
+    tall = 1.0 / min(1.0, float(sides[:2].mean()) / NARROW_3D)
+    ax.tick_params(axis="z", pad=(TICK_3D + OWN_TICK_3D) * tall - OWN_TICK_3D)
+    ax.zaxis.labelpad = (ax.zaxis.labelpad + OWN_NAME_3D) * tall - OWN_NAME_3D
 
 
 def _drop(ax: Axes3D, beacon: Floats, floor: float, look: Theme) -> None:
@@ -428,4 +471,5 @@ def _mark_ends_3d(ax: Axes3D, path: Floats, drawn: Floats, look: Theme) -> None:
         ax.plot(*path[row, [1, 0, 2]][:, None], marker, color=look.ink, mfc=look.paper, ms=6,
                 zorder=6, clip_on=False, in_layout=False)
     for row, word, place in zip(rows, words.values(), places, strict=True):
-        ax.text(*path[row, [1, 0, 2]], word, fontsize=SMALL, zorder=7, **place)
+        ax.text(*path[row, [1, 0, 2]], word, fontsize=SMALL, zorder=7,
+                path_effects=drawing.halo(look), **place)

@@ -35,6 +35,8 @@ INCLINATION_WINDOW_S = 60.0
 TIMES = (("h", 3600.0, 3 * 3600.0), ("min", 60.0, 20 * 60.0), ("s", 1.0, 0.0))
 """Units of the time axis: name, seconds, and the duration of a run from which they are used [s]."""
 MOST_TICKS = 9
+LEAST_SAMPLES = 30
+"""Samples of the platform's angles that are drawn at least, if the run has them."""
 COARSE_S = 0.25
 """Sampling interval [s] above which a line through wave samples (periods from 1 s) misleads."""
 
@@ -99,7 +101,7 @@ def plot_errors(
             for label, table, how in drawing.lines_of(tracks, look):
                 t, e = table["epoch_s"], table[column]
                 drawing.add_line(ax, t, e, how | {"label": label})
-                if f"{claim}_{axis}_m" in table and drawing.is_filter(label):
+                if len(t) and f"{claim}_{axis}_m" in table and drawing.is_filter(label):
                     _draw_band(ax, t, 2 * table[f"{claim}_{axis}_m"], label, how)
                     bands = True
             top = drawing.error_limit(tracks, column, f"{claim}_{axis}_m")
@@ -141,6 +143,7 @@ def plot_inclination(
 ) -> Sequence[Axes]:
     """True roll, pitch and yaw of the platform in the first `window_s` (the paper's Figure 9).
 
+    The window is longer if it has fewer than `LEAST_SAMPLES` samples.
     A fourth panel shows the reported angles minus the true ones. A new figure has it if the report
     differs; given axes have it if there are four of them.
     """
@@ -151,12 +154,13 @@ def plot_inclination(
         wrong = len(axes) == 4 if axes is not None else not np.array_equal(reported, true)
         axes = drawing.panels(4 if wrong else 3, axes)
         time_s = (record.time_ns - record.time_ns[0]) / 1e9
+        step_s = float(np.median(np.diff(record.time_ns))) / 1e9
+        coarse = step_s > COARSE_S
+        window_s = max(window_s, LEAST_SAMPLES * step_s)
         shown = time_s <= window_s
         angles = np.rad2deg(true[shown])
         errors = (np.rad2deg(reported[shown]) - angles + 180) % 360 - 180
         middle = (angles.max(axis=0) + angles.min(axis=0)) / 2
-        step_s = float(np.median(np.diff(record.time_ns))) / 1e9
-        coarse = step_s > COARSE_S
         marker = "." if coarse else ".-" if len(angles) < 200 else "-"
         reach = max(1.15 * np.ptp(angles, axis=0).max() / 2, 0.5)
         for i, name in enumerate(("Roll", "Pitch", "Yaw")):

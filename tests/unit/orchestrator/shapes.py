@@ -108,6 +108,14 @@ SHAPES: dict[str, Shape] = {
                              beacons=ARMS + np.array([5200.0, -81000.0, 0.0])),
     "late_start": Shape(line((-45, 10, 5), (50, 12, 25)), 95.0, start_s=86000.0),
     "tiny_wiggle": Shape(circle(0.3, 3.0, away=5.0), 12.0, noise_m=0.02, raw_noise_m=0.1),
+    "deep": Shape(line((2, 1, 1), (3, 2, 300)), 300.0, noise_m=4.0, raw_noise_m=12.0),
+    "moves_for_a_while": Shape(
+        line(*[(0, 5, 4)] * 3, (30, 20, 4), (-10, 40, 4), *[(20, 60, 4)] * 20), 7200.0, noise_m=2.0,
+    ),
+    "stops_on_its_way": Shape(
+        line((0, 5, 4), (20, 25, 4), *[(40, 45, 4)] * 5, (60, 65, 4), (80, 85, 4)), 480.0,
+    ),
+    "runs_away": Shape(line((-45, 10, 5), (50, 10, 5)), noise_m=2e8),
     "lost": Shape(line((-45, 10, 5), (50, 10, 5)), noise_m=400.0, raw_noise_m=3000.0),
 }  # fmt: skip
 """By name."""

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import sblcosim
+from drawn_texts import spoiled_texts
 from matplotlib.animation import FFMpegWriter
 from PIL import Image
 from sblcosim import ConfigurationError, Result
@@ -102,6 +103,25 @@ def test_errors_above_the_figure_are_named_or_said_to_be_there(receivers: int) -
     else:
         assert all(f"wild {i} (3\u00a0of\u00a0{len(ekf)})" in said for i in range(receivers))
         assert said.startswith("above: ") == bool(receivers)
+
+
+@pytest.mark.parametrize(
+    "name", ["north_2_km", "far_coordinates", "lost", "line_2_m", "straight_many", "runs_away"]
+)
+def test_no_text_of_a_frame_is_cut_off_or_lies_on_other_text(name: str) -> None:
+    record, tracks = run_of(SHAPES[name])
+    with animation.use("light") as look:
+        scene = animation.Scene(record, tracks, look)
+        scene.show(float(scene.times_s[-1]))
+        assert spoiled_texts(scene.figure) == []
+
+
+def test_raw_fixes_are_several_dots_in_the_legend() -> None:
+    record, tracks = run_of(SHAPES["straight_east_95_m"])
+    with animation.use("light") as look:
+        (legend,) = animation.Scene(record, tracks, look).figure.legends
+    names = [text.get_text() for text in legend.get_texts()]
+    assert len(legend.legend_handles[names.index("raw")].get_xdata()) == 3
 
 
 @pytest.mark.usefixtures("few")

@@ -34,7 +34,7 @@ from sblcosim.models import RECEIVERS
 from sblcosim.results.responses import Percentile, Run, value_of
 from sblcosim.scenario.conditions import conditions
 from sblcosim.scenario.likes import LIKES
-from sblcosim.scenario.scenario import Scenario
+from sblcosim.scenario.scenario import Scenario, load
 from sblcosim.simulation.how import How
 from sblcosim.simulation.masters.lanes_driver import LENGTHS
 from scipy.interpolate import RegularGridInterpolator
@@ -596,7 +596,7 @@ def test_the_figure_has_three_maps_of_one_scale(
     width, height = picture.figure.get_size_inches()
     assert (width < 6 and height > width) if narrow else width > height
     labels = [" ".join(text.get_text().split()) for text in picture.figure.legends[0].get_texts()]
-    expected = ["beacons, to scale", "95 % within 4.0 m", "the same ± 2 standard errors"]
+    expected = ["beacons, to scale", "95 % within 4.0 m", "4.0 m ± 2 standard errors"]
     if (found.cells["lost_share"] > result.MANY_LOST).any():
         expected.append("more than 5 % of the runs lost")
     assert labels == expected
@@ -624,8 +624,7 @@ def test_the_figure_says_what_was_mapped_and_has_the_beacons_to_scale(
     said = " ".join(picture.figure.get_supxlabel().split())
     runs = f"{int(found.cells['runs'].sum()):,} runs in 24 cells"
     assert said == (
-        "realistic-dive, 5 m deep; 4 beacons; Beaufort 2; surge and sway of ±2.1 m; GPS error 1.2 "
-        f"m horizontal (1σ per axis); heading error 3° RMS; {runs}."
+        f"realistic-dive, 5 m deep; 4 beacons; {'; '.join(conditions(found.scenario))}; {runs}."
     )
     ax = picture.axes[0]
     (marks,) = [line for line in ax.lines if line.get_marker() == "^"]
@@ -635,6 +634,28 @@ def test_the_figure_says_what_was_mapped_and_has_the_beacons_to_scale(
     far = replace(found, grid=Grid((-900.0, 900.0), (-900.0, 900.0), 4, 6, 5.0)).plot().axes[0]
     (mark,) = far.lines
     assert " ".join(mark.get_label().split()) == "4 beacons within 3.0 m"
+
+
+@pytest.mark.parametrize(
+    ("name", "words"), [("paper-scenario-1", "roll, pitch and yaw of ±5°"),
+                        ("gps-buoys", "on each buoy"), ("harbour-lbl", "surveyed to 0.3 m")]
+)
+def test_a_caption_names_the_sensors_and_the_sea_as_a_data_sheet_does(
+    found: result.AreaMap, name: str, words: str
+) -> None:
+    said = figures.caption(replace(found, scenario=load(name)))
+    assert words in said
+    assert "; ".join(conditions(load(name))) in said
+    assert "compass" not in said
+
+
+def test_the_requirement_is_in_the_key_before_the_band_about_it(found: result.AreaMap) -> None:
+    """Also where the receiver's own map has the band alone."""
+    count = found.grid.count
+    worse = of_values(found, np.linspace(4.2, 8.0, count), np.linspace(3.0, 8.0, count), 0.5)
+    legend = worse.plot().figure.legends[0]
+    labels = [" ".join(text.get_text().split()) for text in legend.get_texts()]
+    assert labels[1:] == ["95 % within 4.0 m", "4.0 m ± 2 standard errors"]
 
 
 def test_noise_does_not_look_like_a_structure(found: result.AreaMap) -> None:

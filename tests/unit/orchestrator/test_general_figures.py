@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -60,6 +61,15 @@ def test_pairs_have_the_largest_on_top_and_a_line_at_zero(analysis: GeneralFacto
     sure = panels[2].containers[0].lines[0].get_xdata()
     own = analysis.pairs[(analysis.pairs["factor"] == "sea") & analysis.pairs["differs"]]
     np.testing.assert_allclose(np.sort(sure), np.sort(own["difference"]))
+
+
+@pytest.mark.parametrize("differ", [True, False])
+def test_the_key_of_pairs_has_what_is_drawn(analysis: GeneralFactorial, differ: bool) -> None:
+    pairs = analysis.pairs[analysis.pairs["differs"] == differ]
+    panels = figures.plot_pairs(replace(analysis, pairs=pairs))
+    (legend,) = panels[0].figure.legends
+    words = [text.get_text() for text in legend.get_texts()]
+    assert words == ["differ" if differ else "cannot be told apart"]
 
 
 def test_interactions_are_lines_of_the_factor_with_fewer_levels(

@@ -14,6 +14,7 @@ from PIL import Image
 from sblcosim import style
 from sblcosim.data.record import Record
 from sblcosim.errors import ConfigurationError
+from sblcosim.limits.verdict import Limits
 from sblcosim.results.figures import drawing
 from sblcosim.results.figures import run as plots
 from synthetic_record import make_record, silent, track
@@ -601,6 +602,17 @@ def test_run_without_a_fix_has_its_time_axis_and_says_so():
         assert "no fix: ekf" in title_of(ax)
     for name in ("axes", "errors"):
         np.testing.assert_allclose(drawn[name][-1].get_xlim(), [-0.1, 10.1])
+
+
+def test_run_without_a_fix_speaks_of_no_bands():
+    record = silent("ekf")
+    count = len(record.time_ns)
+    each = np.tile(np.eye(3), (count, 1, 1))
+    possible = Limits(record.time_ns, each, each, np.zeros(count), np.zeros(count, bool), 0.01,
+                      is_bound=False)
+    ax = plots.plot_errors(record, {"ekf": track(record, "ekf")}, reference=possible)[0]
+    assert "band" not in title_of(ax)
+    assert legend_of(ax) == ["ekf"]
 
 
 @pytest.mark.parametrize("theme", ["light", "dark"])

@@ -569,7 +569,7 @@ def test_large_costs_are_not_cut_off(plot: Any) -> None:
 
 @pytest.mark.parametrize("plot", [plot_front, plot_narrow])
 def test_designs_without_a_finite_value_are_drawn_and_counted(plot: Any) -> None:
-    """The legend's counts are those of the text, and each mark is in the picture."""
+    """The legend's counts add up to those of the text, and each mark is in the picture."""
     inf, nan = float("inf"), float("nan")
     answer = at(
         pretended(require.load(QUESTION), dict.fromkeys(range(6), 0.5)),
@@ -582,7 +582,10 @@ def test_designs_without_a_finite_value_are_drawn_and_counted(plot: Any) -> None
     ax.figure.draw_without_rendering()
     (legend,) = ax.figure.legends
     labels = [text.get_text() for text in legend.get_texts()]
-    assert "undecided (3, 2 not tried: not shown)" in labels
+    assert "undecided (1)" in labels
+    assert "not tried: not shown (2)" in labels
+    unseen = legend.legend_handles[labels.index("not tried: not shown (2)")]
+    assert (unseen.get_marker(), unseen.get_linestyle()) == ("None", "None")
     assert "fails (3)" in labels
     assert "beyond (2): less than 90 % end well" in labels
     top = ax.get_ylim()[1]

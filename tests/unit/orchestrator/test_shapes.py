@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from drawn_texts import spoiled_texts
+from sblcosim import style
 from sblcosim.results.figures import drawing
 from sblcosim.results.figures import run as plots
 from shapes import SHAPES, run_of
@@ -84,6 +85,65 @@ def test_the_time_axis_has_the_unit_of_the_duration(name, unit):
     seconds = {"s": 1, "min": 60, "h": 3600}[unit]
     words = ax.xaxis.get_major_formatter().format_ticks(ticks)
     np.testing.assert_allclose([float(w) * seconds for w in words], ticks, atol=1e-9)
+
+
+def moments(name):
+    """The labels of the marks in time on the map of a shape, in order, and its title."""
+    ax = plots.plot_path(*run_of(SHAPES[name]))
+    words = [text.get_text() for text in ax.texts]
+    return sorted(w for w in words if w[0].isdigit()), ax.figure.get_suptitle()
+
+
+def test_marks_in_time_are_where_the_diver_moves_and_a_rest_has_one():
+    """No heap of marks where the diver waits before or after the dive, or on the way."""
+    marks, title = moments("moves_for_a_while")
+    assert "with a mark every 5 min" in title
+    assert marks == ["15 min", "20 min"]  # of two hours, the diver moves from 10 to 25 min
+    marks, title = moments("stops_on_its_way")
+    assert "with a mark every 2 min" in title
+    assert marks == ["2–6 min"]
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+@pytest.mark.parametrize("figure", [plots.plot_path, plots.plot_path_3d])
+def test_labels_on_curves_have_a_rim_of_paper(figure, theme):
+    ax = figure(*run_of(SHAPES["rest"]), theme=theme)
+    assert ax.texts
+    for text in ax.texts:
+        (rim,) = text.get_path_effects()
+        assert rim._gc == {"linewidth": 2.4, "foreground": style.named(theme).paper}
+
+
+@pytest.mark.parametrize("name", ["deep", "vertical"])
+def test_errors_beside_a_deep_dive_are_on_the_map(name):
+    record, tracks = run_of(SHAPES[name])
+    ax = plots.plot_path(record, tracks)
+    assert "outside" not in ax.figure.get_suptitle()
+    for table in tracks.values():
+        assert (table["x_m"].between(*ax.get_ylim()) & table["y_m"].between(*ax.get_xlim())).all()
+
+
+@pytest.mark.parametrize(("values", "words"), [
+    ([-10.0, 0.0, 10.0], ["−10", "0", "10"]),
+    ([0.0, 0.0005], ["0.0000", "0.0005"]),
+    ([0.0, 5e8, 1e9], ["0", "5e8", "1e9"]),
+    ([-1.5e-7, 0.0], ["−1.5e−7", "0"]),
+    ([4700000.0, 4700100.0], ["4700000", "4700100"]),
+    ([4700000010.0, 4700000020.0], ["4700000010", "4700000020"]),  # rounded, they would be equal
+    ([], []),
+])  # fmt: skip
+def test_numbers_at_ticks_need_no_power_of_ten_beside_the_axis(values, words):
+    ticks = drawing.Numbers(useOffset=False)
+    ticks.create_dummy_axis()
+    assert ticks.format_ticks(values) == words
+    assert ticks.get_offset() == ""
+
+
+def test_few_samples_of_the_waves_are_drawn_over_a_longer_time():
+    record, _ = run_of(SHAPES["ten_hours"])  # a sample every 120 s
+    ax = plots.plot_inclination(record)[0]
+    assert len(ax.lines[0].get_xdata()) == plots.LEAST_SAMPLES + 1
+    assert "first 3600 s, sampled every 120 s" in ax.figure.get_suptitle()
 
 
 def test_a_depth_that_is_drawn_nearly_to_scale_is_not_called_stretched():

@@ -527,21 +527,12 @@ def test_the_typical_and_the_worst_run_are_those_of_the_table(several: many.Many
     low, high = share_interval(count, 6)
     misleading = f", misleading in {count} ({100 * low // 1:.0f}–{-(-100 * high // 1):.0f} %)"
     assert lines[0] == (
-<<<<<<< HEAD
         f"ekf: {rms:.3g} m RMS, 95 % within {several.within_m['ekf']:.3g} m, "
-        f"lost in 0 of 6 runs; typical: seed {ranked[2]} ({median:.3g} m); "
-        f"worst: seed {ranked[-1]} ({worst:.3g} m)"
-    )
-    assert re.fullmatch(r"coupled: \S+ m RMS, 95 % within \S+ m, lost in 0 of 6 runs",
-                        lines[1])  # fmt: skip
-=======
-        f"ekf: {rms:.3g} m RMS, {within:.3g} m in 95 % of the time, "
         f"lost in 0 of 6 runs{misleading}; typical: seed {ranked[2]} ({median:.3g} m); "
         f"worst: seed {ranked[-1]} ({worst:.3g} m)"
     )
-    assert re.fullmatch(r"coupled: \S+ m RMS, \S+ m in 95 % of the time, lost in 0 of 6 runs, "
+    assert re.fullmatch(r"coupled: \S+ m RMS, 95 % within \S+ m, lost in 0 of 6 runs, "
                         r"misleading in \d \(\d+–\d+ %\)", lines[1])  # fmt: skip
->>>>>>> tails
     assert several.text().startswith(several.answer)
     assert several.to_json()["answer"] == several.answer
     found = several.runs.level("harbour-square", "coupled")
