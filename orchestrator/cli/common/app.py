@@ -283,7 +283,7 @@ def waiting(
     display = Progress(
         TextColumn("{task.description}"),
         BarColumn(),
-        TaskProgressColumn(),
+        TaskProgressColumn("[progress.percentage]{task.percentage:>3.0f} %"),
         *((TimeRemainingColumn(),) if remaining else ()),
         console=Console(stderr=True),
         transient=True,
