@@ -17,6 +17,7 @@ from ..data.estimates import Floats
 from ..judge.definitions import MANY_LOST
 from ..results.figures.drawing import LINE, short, wrapped
 from ..results.figures.maps import LONGEST_ARM
+from ..scenario.conditions import conditions
 from ..style import SIZE, Theme, ThemeName, new_figure, use
 from ..words.lists import counted
 from ..words.numbers import meters
@@ -39,7 +40,6 @@ _SHORTEST = 1.0
 """Smallest width of a line of a title, even if its map is narrower [inch]."""
 _BESIDE = 2.1
 """Width of the legend [inch]."""
-_UNBROKEN = "\N{NO-BREAK SPACE}%"
 SMALLEST = 0.01
 """Arms shorter than this fraction of the map are hidden by the marks of their beacons."""
 
@@ -155,7 +155,7 @@ def _titled(area: AreaMap, name: str, share: str) -> str:
     (height, width) = (high - low for low, high in (area.grid.north, area.grid.east))
     room = max(_WIDE * min(1.8 * width / height, 1.0), _SHORTEST)
     words = f"{part(area.summary()[share])} within {meters(area.limit_m)}"
-    return "\n".join([name, wrapped(words.replace(" %", _UNBROKEN), room).replace(_UNBROKEN, " %")])
+    return f"{name}\n{wrapped(words, room)}"
 
 
 def _norm(*maps: Floats, bounds: tuple[float, float] | None = None) -> Normalize:
@@ -289,31 +289,19 @@ def _explain(
     words = wrapped(said + caption(area), figure.get_figwidth() - 0.3)
     figure.set_figheight(figure.get_figheight() + LINE * (words.count("\n") + 2))
     figure.supxlabel(words, x=0.1 / figure.get_figwidth(), ha="left", fontsize=SIZE)
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)  # drawing does so once more: maps of equal scale need it twice
 
 
 def caption(area: AreaMap) -> str:
-    """What was mapped: scenario, depth, beacons, sensors, sea and runs."""
-    platform = area.scenario.platform
+    """What was mapped: scenario, depth, beacons, conditions and runs."""
     parts = [
         f"{area.scenario.name}, {area.grid.depth:g} m deep", counted(len(area.beacons), "beacon"),
-        "still water" if platform.beaufort is None else f"Beaufort {platform.beaufort}",
-        _sensor(platform, "GPS", "gps_grade", "gps_horizontal", "m"),
-        _sensor(platform, "compass", "imu_grade", "imu_heading", "deg"),
+        *conditions(area.scenario),
         f"{counted(int(area.cells['runs'].sum()), 'run')} in {counted(area.grid.count, 'cell')}",
     ]  # fmt: skip
     return f"{'; '.join(parts)}."
-
-
-def _sensor(platform: Any, name: str, grade: str, prefix: str, unit: str) -> str:
-    """The grade of a sensor, or the size of its error."""
-    given = getattr(platform, grade)
-    if given is not None:
-        return f"{name}: {given.replace('_', ' ')}"
-    parts = [getattr(platform, f"{prefix}_{part}_{unit}", 0.0) or 0.0
-             for part in ("std", "bias", "bias_std", "markov_std")]  # fmt: skip
-    size = float(np.linalg.norm(parts))
-    error = meters(size) if unit == "m" else f"{size:.2g}°"
-    return f"{name} error {error}" if size else f"exact {name}"
 
 
 def legend_above(figure: Figure, handles: list[Any], columns: int) -> None:

@@ -31,6 +31,7 @@ from sblcosim.limits.parameters import own_beacon
 from sblcosim.limits.path import circle_psd, path_psd
 from sblcosim.limits.run import reference
 from sblcosim.results.responses import Percentile, Run, value_of
+from sblcosim.scenario.conditions import conditions
 from sblcosim.scenario.likes import LIKES
 from sblcosim.simulation.how import How
 from sblcosim.simulation.masters.lanes_driver import LENGTHS
@@ -621,8 +622,7 @@ def test_the_figure_says_what_was_mapped_and_has_the_beacons_to_scale(
     said = " ".join(picture.figure.get_supxlabel().split())
     runs = f"{int(found.cells['runs'].sum()):,} runs in 24 cells"
     assert said == (
-        "realistic-dive, 5 m deep; 4 beacons; Beaufort 2; GPS error 1.2 m; compass error 3°; "
-        f"{runs}."
+        f"realistic-dive, 5 m deep; 4 beacons; {'; '.join(conditions(found.scenario))}; {runs}."
     )
     ax = picture.axes[0]
     (marks,) = [line for line in ax.lines if line.get_marker() == "^"]
@@ -658,6 +658,23 @@ def test_noise_does_not_look_like_a_structure(found: result.AreaMap) -> None:
     unsure = of_values(found, noise, 3.0, 0.5)
     assert unsure.colours == (0.0, 10.0)
     assert "the colours span 0 m to 10 m, further" in unsure.text(verbose=True)
+
+
+@pytest.mark.parametrize("size", [(100.0, 100.0), (40.0, 240.0), (240.0, 40.0)])
+@pytest.mark.parametrize("limit", [None, 4.0])
+@pytest.mark.parametrize("lost", [0.0, 0.3])
+def test_no_text_of_the_figures_is_cut_off(
+    found: result.AreaMap, size: tuple[float, float], limit: float | None, lost: float
+) -> None:
+    """Maps of equal scale are narrower than their panels, so their labels move."""
+    north, east = (side / 2 for side in size)
+    wide = replace(
+        found, grid=Grid((-north, north), (-east, east), 4, 6, 5.0),
+        cells=found.cells.assign(lost_share=lost),
+        settings={**found.settings, "limit_m": limit},
+    )
+    for plot in (figures.plot_map, figures.plot_narrow, figures.plot_certainty):
+        assert spoiled_texts(plot(wide)[0].figure) == [], plot
 
 
 @pytest.mark.parametrize(("limit", "words"), [(1.0, "no part"), (9.0, "all")])
