@@ -107,7 +107,8 @@ def map_(
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out", metavar="DIR", help="Folder for the results [default: runs/NAME-map]."
+            "--out", metavar="DIR",
+            help="Folder for the results [default: runs/NAME-map, or runs/NAME-distance].",
         ),
     ] = None,
     force: ForceOption = False,
