@@ -36,10 +36,20 @@ def _wrapped(line: str, width: int) -> list[str]:
         return [line]
     indent = line[: len(line) - len(line.lstrip())]
     parts = textwrap.wrap(
-        _BEFORE_UNIT.sub(_KEPT, line), width, subsequent_indent=f"{indent}  ",
+        with_units(line), width, subsequent_indent=f"{indent}  ",
         break_long_words=False, break_on_hyphens=False,
     )  # fmt: skip
     return [part.replace(_KEPT, " ") for part in parts]
+
+
+def with_units(text: str) -> str:
+    """A text to be broken into lines, in which numbers stay with their units."""
+    return _BEFORE_UNIT.sub(_KEPT, text)
+
+
+def filled(text: str, width: int) -> str:
+    """A label or title of a figure in lines of at most that many characters."""
+    return textwrap.fill(with_units(text), width).replace(_KEPT, " ")
 
 
 def shorter(name: str, longest: int) -> str:

@@ -7,7 +7,7 @@ from pathlib import PurePosixPath
 from typing import Any
 
 from docutils import nodes
-from sblcosim.fmus.build.formulas import linked, of_page, used
+from sblcosim.fmus.build.formulas import linked, of_page, symbols, used
 from sphinx.application import Sphinx
 from sphinx.writers.html5 import HTML5Translator
 
@@ -47,10 +47,9 @@ def named(app: Sphinx, doctree: nodes.document) -> None:
     """Make each row of the table of symbols a place."""
     for section in doctree.findall(nodes.section) if app.env.docname == TABLE else ():
         heading = str(section.next_node(nodes.title).astext())
-        folder, page = ("", heading) if heading.islower() else (heading.lower(), "")
         for row in [*section.findall(nodes.row)] if section.parent is not doctree else ():
             for formula in list(row.findall(nodes.math))[:1]:
-                for _, it in used(formula.astext(), of_page(folder, page)):
+                for _, it in used(formula.astext(), symbols().get(heading, {})):
                     if it is not None and it.latex == formula.astext():
                         row["ids"].append(it.place)
 

@@ -29,6 +29,11 @@ _SYMBOL = re.compile(
     r"|(?<![\\A-Za-z])[A-Za-z](?![A-Za-z]))'?)"
     r"(?:_(?P<index>\{[^{}]*\}|\\[A-Za-z]+|[\w+-]))?"
 )
+_FUNCTION = re.compile(
+    r"(?P<before></m[a-z]+>)?(?P<name><mi>[a-z]{2,}</mi>)(?P<after><(?!/)m[a-z]+)"
+)
+_SPACE = '<mspace width="0.167em" />'
+"""A thin space, which browsers do not put beside the name of a function."""
 _ROW = re.compile(r"^\| \$(?P<latex>[^$]+)\$ \| (?P<unit>.*?) \| (?P<words>.*?) \|$", re.MULTILINE)
 _INDICES = set("ijkKnNxyzhvp0123456789+-,")
 """What an index is made of: which one of several, or which part of a vector or a matrix."""
@@ -59,10 +64,16 @@ def symbols() -> Mapping[str, Mapping[str, Symbol]]:
 
 
 def of_page(folder: str, page: str = "") -> Mapping[str, Symbol]:
-    """The symbols that a page may use: those of all pages, of its folder's, and its own."""
+    """The symbols that a page may use: those of all pages, of its folder's, and its own.
+
+    Its own are in the sections whose headings name it, with its folder or without.
+    """
     heading = folder.replace("_", " ").capitalize()
-    own = symbols().get(page, {})
-    return {**symbols()[EVERYWHERE], **symbols().get(heading, {}), **own}
+    found = {**symbols()[EVERYWHERE], **symbols().get(heading, {})}
+    for named, section in symbols().items():
+        if {page, f"{folder}/{page}"} & {*named.split(", ")}:
+            found |= section
+    return found
 
 
 def used(latex: str, known: Mapping[str, Symbol]) -> Iterator[tuple[str, Symbol | None]]:
@@ -82,11 +93,22 @@ def mathml(latex: str, display: bool = False) -> str:
     ValueError
         The formula has a command that is not known.
     """
-    # The converter shows a command that it does not know as it is.
-    made = convert(latex.strip(), display="block" if display else "inline")
+    # The converter shows a command that it does not know as it is. It makes bars operators, with
+    # spaces around them, unless they are a pair.
+    paired = latex.strip().replace(r"\lvert", r"\left|").replace(r"\rvert", r"\right|")
+    made = convert(paired, display="block" if display else "inline")
     if "\\" in made:
         raise ValueError(f"a formula must have known commands only, got {latex.strip()!r}")
-    return made
+    return _FUNCTION.sub(_spaced, made)
+
+
+def _spaced(found: re.Match[str]) -> str:
+    """The name of a function with spaces beside it, except before a bracket or after an operator.
+    """
+    before, after = found["before"] or "", found["after"]
+    left = _SPACE if before and before != "</mo>" else ""
+    right = "" if after in ("<mo", "<mrow") else _SPACE
+    return f"{before}{left}{found['name']}{right}{after}"
 
 
 def linked(

@@ -35,6 +35,10 @@ _DESCRIPTION_CLAUSES = {2: "2.2", 3: "2.4"}
 _TERMINAL_CLAUSES = {2: "2.3.2", 3: "2.4.9.2"}
 
 
+_SEVERAL = {"warning": "warnings", "does not apply": "do not apply"}
+"""States of several checks, where the words differ from those of one."""
+
+
 @dataclass(frozen=True, slots=True)
 class CheckResult:
     """Result of one check.
@@ -113,7 +117,11 @@ class Report:
     @property
     def summary(self) -> str:
         """One line: number of checks with each state."""
-        counts = ", ".join(f"{n} {state}" for state in get_args(State) if (n := self.count(state)))
+        numbers = {state: self.count(state) for state in get_args(State)}
+        counts = ", ".join(
+            f"{n} {state if n == 1 else _SEVERAL.get(state, state)}"
+            for state, n in numbers.items() if n
+        )  # fmt: skip
         return f"{self.path.name}, FMI {self.fmi}: {counts}"
 
     def __str__(self) -> str:

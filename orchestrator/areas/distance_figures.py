@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from textwrap import fill
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -11,6 +10,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from ..judge.definitions import MANY_LOST
+from ..layout import filled
 from ..limits.unknown import brief
 from ..scenario.conditions import conditions
 from ..style import LINES, MARKERS, SMALL, ThemeName, new_figure, use
@@ -68,7 +68,7 @@ def plot_distance(
         handles = _handles(found, look.ink, look.receivers)
         if own:
             across = round(_CHARACTERS * _WIDTH)
-            ax.set_title(fill(_caption(found), across), loc="left", fontsize=SMALL,
+            ax.set_title(filled(_caption(found), across), loc="left", fontsize=SMALL,
                          parse_math=False)
             legend_above(cast("Figure", ax.figure), handles, 3)
         else:

@@ -41,7 +41,6 @@ _SHORTEST = 1.0
 """Smallest width of a line of a title, even if its map is narrower [inch]."""
 _BESIDE = 2.1
 """Width of the legend [inch]."""
-_UNBROKEN = "\N{NO-BREAK SPACE}%"
 SMALLEST = 0.01
 """Arms shorter than this fraction of the map are hidden by the marks of their beacons."""
 
@@ -157,7 +156,7 @@ def _titled(area: AreaMap, name: str, share: str) -> str:
     (height, width) = (high - low for low, high in (area.grid.north, area.grid.east))
     room = max(_WIDE * min(1.8 * width / height, 1.0), _SHORTEST)
     words = f"{part(area.summary()[share])} within {meters(area.limit_m)}"
-    return "\n".join([name, wrapped(words.replace(" %", _UNBROKEN), room).replace(_UNBROKEN, " %")])
+    return f"{name}\n{wrapped(words, room)}"
 
 
 def _norm(*maps: Floats, bounds: tuple[float, float] | None = None) -> Normalize:
@@ -291,6 +290,9 @@ def _explain(
     words = wrapped(said + caption(area), figure.get_figwidth() - 0.3)
     figure.set_figheight(figure.get_figheight() + LINE * (words.count("\n") + 2))
     figure.supxlabel(words, x=0.1 / figure.get_figwidth(), ha="left", fontsize=SIZE)
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)  # drawing does so once more: maps of equal scale need it twice
 
 
 def caption(area: AreaMap) -> str:

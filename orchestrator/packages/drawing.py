@@ -98,17 +98,16 @@ def _text(package: Package, plan: Plan, width: int | None) -> Iterator[str]:
     yield from table(rows, width, ("element", "from", "FMI", "interval"))
     if lines:
         yield ""
-        yield from table(
-            [
-                (
-                    _name(line.source) + (f" ({line.count})" if line.count > 1 else ""),
-                    line.units[0], _name(line.target), line.units[1], line.what,
-                )
-                for line in lines
-            ],
-            width,
-            ("from", "unit", "to", "unit", "values"),
-        )  # fmt: skip
+        head = ("from", "unit", "to", "unit", "values")
+        cells = [
+            (
+                _name(line.source) + (f" ({line.count})" if line.count > 1 else ""),
+                line.units[0], _name(line.target), line.units[1], line.what,
+            )
+            for line in lines
+        ]  # fmt: skip
+        kept = 5 if any(line.what for line in lines) else 4
+        yield from table([row[:kept] for row in cells], width, head[:kept])
     free = [f"{label}.{name}" for path, label in package.labels.items()
             for name in dict.fromkeys(split(v)[0] for v in package.wiring.unfed(path))]  # fmt: skip
     if free:

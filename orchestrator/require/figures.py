@@ -99,6 +99,7 @@ def _places(answer: Requirement) -> pd.DataFrame:
 
 def _designs(ax: Axes, answer: Requirement, at: pd.DataFrame, look: Theme) -> None:
     """The designs with a finite value; those that are named or suffice are larger."""
+    drawn = False
     for verdict, (marker, number) in _LOOKS.items():
         every = at[at["verdict"] == verdict]
         mine = every[np.isfinite(every["estimate"])]
@@ -110,12 +111,15 @@ def _designs(ax: Axes, answer: Requirement, at: pd.DataFrame, look: Theme) -> No
                 for name in ("lower", "upper")
             ]
             ax.vlines(some["x"], *bars, color=colour, lw=width)
+            drawn = drawn or bool((bars[0] < bars[1]).any())
             ax.plot(some["x"], some["estimate"], marker, color=colour, ms=size, mew=0)
         tried = int((every["runs"] > 0).sum())
         if tried:
             ax.plot([], [], marker, color=colour, ms=6, mew=0, label=f"{verdict} ({tried})")
     if untried := int((at["runs"] == 0).sum()):
         ax.plot([], [], " ", label=f"not tried: not shown ({untried})")
+    if drawn:
+        ax.plot([], [], color=look.soft, ls="", marker="|", ms=9, label="bar: to the sure bounds")
 
 
 def _beyond(ax: Axes, answer: Requirement, at: pd.DataFrame, look: Theme) -> pd.DataFrame:

@@ -464,7 +464,8 @@ class Requirement(Answer):
         head = [
             " · ".join(study.labels[name] for name in study.factors),
             DESIGNS.head("verdict"), f"{percent(q.terms.share)} within{unit}",
-            *([DESIGNS.head("cost")] if q.costs else []), "within", "surely",
+            *([DESIGNS.head("cost")] if q.costs else []),
+            f"within {q.terms.limit:g}{q.unit and f' {q.unit}'}", f"surely{unit}",
             DESIGNS.head("runs"),
         ]  # fmt: skip
         rows = [

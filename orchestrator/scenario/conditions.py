@@ -1,4 +1,7 @@
-"""The conditions of a scenario in words, as a data sheet names them: sea, GPS, heading, survey."""
+"""The conditions of a scenario in words, as a data sheet and a map name them.
+
+They are the sea, the GPS, the heading, the survey, and what happens to ranges.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +14,7 @@ from sblcosim.models.settings.presets import preset
 
 from ..words.lists import listed
 from ..words.numbers import figure
+from ..words.shares import rough_percent
 from .arrangement import errors_of
 from .scenario import Scenario
 
@@ -24,15 +28,22 @@ _SIGMA = "1σ per axis"
 
 
 def conditions(scenario: Scenario) -> list[str]:
-    """What the platform's sea, GPS and heading are, and how well its beacons are surveyed.
+    """The platform's sea, GPS, heading and survey; noise, loss and outliers of ranges; the sound.
 
     A sea state or a grade is named only where all keys that it sets have its values. Otherwise the
-    sizes are given.
+    sizes are given. Of another FMU, only the name is known.
     """
-    platform = scenario.platform
+    platform, acoustics = scenario.platform, scenario.acoustics
+    parts: list[Iterator[str]] = [sea(platform), gps(platform), _heading(platform),
+                                  _survey(platform)]  # fmt: skip
     if platform.fmu is not None:
-        return [f"platform of {Path(platform.fmu).name}"]
-    return [*sea(platform), *gps(platform), *_heading(platform), *_survey(platform)]
+        parts = [_named("platform", platform)]
+    parts.append(_ranges(acoustics) if acoustics.fmu is None else _named("acoustics", acoustics))
+    return [words for part in parts for words in part]
+
+
+def _named(component: str, table: Any) -> Iterator[str]:
+    yield f"{component} of {Path(table.fmu).name}"
 
 
 def _holds(platform: Any, name: str) -> bool:
@@ -110,3 +121,16 @@ def _heading(platform: Any) -> Iterator[str]:
 def _survey(platform: Any) -> Iterator[str]:
     if platform.mounting_std_m:
         yield f"beacons surveyed to {figure(platform.mounting_std_m)} m ({_SIGMA})"
+
+
+def _ranges(acoustics: Any) -> Iterator[str]:
+    """Noise, loss and outliers of ranges, and how wrong the assumed speed of sound is."""
+    noise = acoustics.range_std_m
+    yield f"range noise {figure(noise)} m (1σ)" if noise else "ranges without noise"
+    if acoustics.loss_probability:
+        yield f"{rough_percent(acoustics.loss_probability)} packet loss"
+    if acoustics.outlier_probability and acoustics.outlier_mean_m:
+        yield f"{rough_percent(acoustics.outlier_probability)} outliers"
+    wrong = abs(acoustics.assumed_sound_speed_m_s / acoustics.sound_speed_m_s - 1)
+    if wrong:
+        yield f"speed of sound off by {rough_percent(wrong)}"

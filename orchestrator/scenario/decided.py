@@ -96,11 +96,17 @@ def _about(name: str, values: Values, begin: Scenario, line: str) -> str:
 
 
 def _consequences(begin: Scenario, scenario: Scenario) -> Values:
-    """Changes that follow from decisions: keys that have lost their effect, the end of the run."""
+    """Changes that follow from decisions.
+
+    They are keys that have lost their effect, a title that tells another number of beacons, and the
+    end of the run.
+    """
     before, now = (
         idle(it, [".".join(key) for key in effects.given(it)]) for it in (begin, scenario)
     )
     changes: Values = dict.fromkeys(sorted(now.keys() - before.keys()))
+    if scenario.platform.beacons != begin.platform.beacons:
+        changes["title"] = ""
     target = scenario.target
     endless = target.trajectory in _ENDLESS or (target.trajectory != FILE and not target.speed_m_s)
     if endless and target.fmu is None and scenario.time.duration_s == PATH:

@@ -163,6 +163,7 @@ def _rows(flat: Sequence[float]) -> list[Sequence[float]]:
 
 
 _WHITE, _GRADE = "platform.gps_horizontal_std_m", "platform.gps_grade"
+_SIZES = "sizes of the errors as platform.gps_… in the file"
 _ALSO = {
     "rtk": "rtk_fixed", "dgps": "differential", "egnos": "sbas", "waas": "sbas",
     "autonomous": "standalone", "ordinary": "standalone", "normal": "standalone",
@@ -180,8 +181,8 @@ def _white(scenario: Scenario) -> bool:
 def _gps_takes(scenario: Scenario) -> str:
     sizes = [f"{name} ({meters(it.within)})" for name, it in GRADES.items()]
     grades = f"{listed(sizes, 'or')}; in brackets what 95 % of its positions are within"
-    number = f". Or: {explained(*_WHITE.split('.'))}" if _white(scenario) else ""
-    return f"{grades}{number}"
+    number = explained(*_WHITE.split(".")) if _white(scenario) else _SIZES
+    return f"{grades}. Or: {number}"
 
 
 def _gps_shown(scenario: Scenario) -> str:
@@ -191,9 +192,10 @@ def _gps_shown(scenario: Scenario) -> str:
 
 
 def _gps(text: str, scenario: Scenario) -> Values:
-    if _white(scenario) and typed.are_numbers(text):
+    size = typed.are_numbers(text)
+    if _white(scenario) and size:
         return {_WHITE: typed.number(text, "m")}
-    others = "a number in m" if _white(scenario) else ""
+    others = "a number in m" if _white(scenario) else _SIZES if size else ""
     return {_GRADE: typed.name(text, GRADES, _ALSO, others)}
 
 
@@ -316,6 +318,7 @@ _ROWS: Mapping[str, Decision] = {
         _number(_PINGS), read=_interval,
         takes=lambda scenario: f"{explained(*_PINGS.split('.'))}. Or a rate in Hz",
     ),
+    "noise": _number("acoustics.range_std_m"),
     "path": Decision(
         lambda scenario: ["target.trajectory"], _path_takes, _path_shown, _path, names=_SHAPES
     ),

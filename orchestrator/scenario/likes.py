@@ -59,6 +59,7 @@ ASKED: Mapping[str, Asked] = {
         Asked("sea", "How rough the sea is. Waves move the platform with its beacons.",
               "Beaufort 3"),
         Asked("pings", "How often a beacon pings. More ranges average out more noise.", "0.5 s"),
+        Asked("noise", "How noisy a range is. Many ranges average the noise out.", "0.2 m"),
         Asked("path", "Where the diver swims.", "0 0 5; 20 0 8"),
         Asked("depth", "How deep the diver is.", "5, 10 m"),
         Asked("speed", "How fast the diver swims, and so how far between pings.", "0.4 m/s"),

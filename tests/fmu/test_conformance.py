@@ -19,7 +19,7 @@ from sblcosim.errors import FmuError
 from sblcosim.fmus.build import factory
 from sblcosim.fmus.conformance import kit
 from sblcosim.fmus.conformance.checks import CHECKS
-from sblcosim.fmus.conformance.kit import Report, examine
+from sblcosim.fmus.conformance.kit import CheckResult, Report, examine
 from sblcosim.fmus.host.instances import acquire
 from sblcosim.fmus.read.ports import read
 from sblcosim.models import COMPONENTS, RECEIVERS
@@ -33,6 +33,17 @@ pytestmark = [
     pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler"),
     pytest.mark.usefixtures("only_hangs_take_time"),
 ]
+
+
+def test_the_summary_counts_in_words_that_fit_the_number() -> None:
+    def outcomes(*states: Any) -> Report:
+        results = [CheckResult(str(n), "", state, "", "", "") for n, state in enumerate(states)]
+        return Report(Path("x.fmu"), "2.0", tuple(results))
+
+    one = outcomes("passed", "warning", "does not apply", "not run")
+    assert one.summary == "x.fmu, FMI 2.0: 1 passed, 1 warning, 1 does not apply, 1 not run"
+    two = outcomes(*("passed", "warning", "does not apply", "not run") * 2)
+    assert two.summary == "x.fmu, FMI 2.0: 2 passed, 2 warnings, 2 do not apply, 2 not run"
 
 
 def of(report: Report, *states: str) -> set[str]:

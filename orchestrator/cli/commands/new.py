@@ -62,6 +62,7 @@ def new(
     compass: Annotated[str | None, _option("compass")] = None,
     sea: Annotated[str | None, _option("sea")] = None,
     pings: Annotated[str | None, _option("pings")] = None,
+    noise: Annotated[str | None, _option("noise")] = None,
     path: Annotated[str | None, _option("path")] = None,
     depth: Annotated[str | None, _option("depth")] = None,
     speed: Annotated[str | None, _option("speed")] = None,
@@ -85,7 +86,7 @@ def new(
         raise ConfigurationError("--like: must come without --from, got both")
     given = {
         "beacons": beacons, "mounting": mounting, "gps": gps, "compass": compass, "sea": sea,
-        "pings": pings, "path": path, "depth": depth, "speed": speed,
+        "pings": pings, "noise": noise, "path": path, "depth": depth, "speed": speed,
     }  # fmt: skip
     answers = {name: text for name, text in given.items() if text is not None}
     asking = not yes and sys.stdin.isatty()

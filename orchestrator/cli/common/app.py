@@ -284,7 +284,7 @@ def waiting(
     display = Progress(
         TextColumn("{task.description}"),
         BarColumn(),
-        TaskProgressColumn("{task.percentage:>3.0f} %"),
+        TaskProgressColumn("[progress.percentage]{task.percentage:>3.0f} %"),
         *((TimeRemainingColumn(),) if remaining else ()),
         console=Console(stderr=True),
         transient=True,

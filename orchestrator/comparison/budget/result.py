@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -202,19 +202,25 @@ class Budget(Answer):
         frame
             ``absolute``, or ``own_relative`` if the receiver has such an output.
         verbose
-            Add the columns of each source alone and of what is possible, and how the numbers were
-            made.
+            Add the rows of sources of 0 %, the columns of each source alone and of what is
+            possible, and how the numbers were made.
         width
             Columns of the terminal; None: lines are not wrapped.
         """
+        none = [] if verbose else bars(self, frame, bound=False)[1]
         notes = [*self._notes(frame), *(self._method(frame) if verbose else ())]
         about = "" if frame == "absolute" else f"Error of the {FRAMES[frame]}. "
-        lines = [f"{about}{self.answer_of(frame)}.", "", *self._rows(frame, verbose, width)]
+        lines = [f"{about}{self.answer_of(frame)}.", "", *self._rows(frame, verbose, none, width)]
+        if none:
+            names = listed([self.label(name) for name in none])
+            lines.append(layout.fitted(f"{whole_percent(0.0)}: {names}", width))
         lines += [""] if notes else []
         fitted = [layout.fitted(line, width) for line in (lines[0], *notes)]
         return "\n".join([fitted[0], *lines[1:], *fitted[1:]])
 
-    def _rows(self, frame: str, verbose: bool, width: int | None) -> Iterator[str]:
+    def _rows(
+        self, frame: str, verbose: bool, left_out: Sequence[str], width: int | None
+    ) -> Iterator[str]:
         done = "better" if self.better else "off"
         interval = percent(CONFIDENCE, ".0f")
         head = [done, ROWS.head("share"), interval, f"{ROWS.head('rms_m')} {done}"]
@@ -224,7 +230,7 @@ class Budget(Answer):
         if bound:
             head += [self.bound_kind, f"its {ROWS.head('bound_rms_m')} {done}"]
         body = []
-        for name, row in self.of(frame).iterrows():
+        for name, row in self.of(frame).drop(index=left_out).iterrows():
             cells = [
                 self.label(str(name)),
                 whole_percent(row["share"]), _interval(row["share_low"], row["share_high"]),
@@ -355,13 +361,14 @@ def _interval(low: float, high: float) -> str:
     return f"{whole_percent(low).removesuffix(' %')} to {whole_percent(high).removesuffix(' %')}"
 
 
-def bars(budget: Budget, frame: str) -> tuple[list[str], list[str]]:
-    """The rows that a figure shows, from top to bottom, and the sources of 0 %, which it names.
+def bars(budget: Budget, frame: str, *, bound: bool = True) -> tuple[list[str], list[str]]:
+    """The rows of a table or a figure, from top to bottom, and the sources of 0 % to be listed.
 
-    For a source of 0 %, share and interval are 0 %, for both the receiver and the bound.
+    For a source of 0 %, share and interval of the receiver are 0 %, and so is the share of the
+    bound where it is shown.
     """
     rows = budget.of(frame)
-    columns = ["share", "share_low", "share_high", "bound_share"]
+    columns = ["share", "share_low", "share_high", *(["bound_share"] if bound else [])]
     none = (rows["kind"] == "source") & (rows[columns].abs() < HALF_PERCENT).where(
         rows[columns].notna(), True
     ).all(axis=1)

@@ -107,24 +107,27 @@ def bound_of(percentiles: Floats, seed: int) -> float:
 
 
 def _where(scenario: Scenario, drawn: Sequence[Result]) -> str:
-    """Distance from the platform and depth, if they are the same in all runs."""
+    """Distance from the platform and depth, if they are the same in all runs.
+
+    Another FMU's beacons may be elsewhere in each run, so there is no distance from them.
+    """
     if not drawn or _varies(scenario):
         return "on paths drawn anew in each run" if drawn else "on its path"
-    record = drawn[0].record
-    offset = recorded(record, "target.position")[:, :2] - still_beacons(scenario).mean(0)[:2]
-    reach = np.hypot(*offset.T)
-    depth = recorded(record, "target.position")[:, 2]
+    position = recorded(drawn[0].record, "target.position")
+    shallow, deep = (figure(float(it)) for it in (position[:, 2].min(), position[:, 2].max()))
+    depth = f"at {shallow if shallow == deep else f'{shallow}–{deep}'} m depth"
+    if scenario.platform.fmu is not None:
+        return depth
+    reach = np.hypot(*(position[:, :2] - still_beacons(scenario).mean(0)[:2]).T)
     own = has_own_errors(scenario.platform)
     origin = "the middle of the beacons" if own else "the platform"
-    shallow, deep = (figure(float(it)) for it in (depth.min(), depth.max()))
-    deeps = shallow if shallow == deep else f"{shallow}–{deep}"
-    return f"at {floor(reach.min())}–{ceil(reach.max())} m from {origin}, at {deeps} m depth"
+    return f"at {floor(reach.min())}–{ceil(reach.max())} m from {origin}, {depth}"
 
 
 def _varies(scenario: Scenario) -> bool:
     """Whether the path differs from run to run, or may differ."""
     target = scenario.target
-    if target.fmu is not None or scenario.platform.fmu is not None:
+    if target.fmu is not None:
         return True
     drawn = FOUND[target.trajectory].random
     if drawn == "always":

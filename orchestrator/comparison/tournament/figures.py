@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from ...catalogue import Job
+from ...layout import filled
 from ...results.figures.drawing import short
 from ...results.responses import unit_of
 from ...style import SMALL, Theme, ThemeName, new_figure, use
@@ -238,6 +238,6 @@ def _difference(
 def _label(ax: Axes, text: str) -> None:
     """Label the horizontal axis, in several lines if it is too narrow for one."""
     inches = ax.get_position().width * ax.figure.bbox.width / ax.figure.dpi
-    ax.set_xlabel(fill(text, max(int(_CHARACTERS * inches), 12)), fontsize=SMALL)
+    ax.set_xlabel(filled(text, max(int(_CHARACTERS * inches), 12)), fontsize=SMALL)
     if ax.get_xscale() == "linear":
         ax.locator_params(axis="x", nbins=max(3, round(_TICKS * inches)))

@@ -29,6 +29,7 @@ from matplotlib.ticker import ScalarFormatter
 from matplotlib.transforms import IdentityTransform, ScaledTranslation
 
 from ...data.estimates import Floats
+from ...layout import with_units
 from ...scenario.labels import RAW
 from ...style import LINES, MARKERS, SIZE, SMALL, Theme, new_figure
 from ...words.numbers import minus
@@ -210,14 +211,14 @@ def short_for(name: str, room: float) -> str:
 
 
 def wrapped(words: str, room: float, size: float = SIZE) -> str:
-    """A text in lines of limited width [inch], broken between words."""
+    """A text in lines of limited width [inch], broken between words, not before units."""
     lines: list[str] = []
-    for word in words.split(" "):
+    for word in with_units(words).split(" "):
         if lines and inches(longer := f"{lines[-1]} {word}", size) <= room:
             lines[-1] = longer
         else:
             lines.append(word)
-    return "\n".join(lines)
+    return "\n".join(lines).replace("\N{NO-BREAK SPACE}", " ")
 
 
 # --- Panels, legend and margins ------------------------------------------------------------------

@@ -192,6 +192,56 @@ def test_every_row_of_the_table_is_a_symbol_with_a_unit() -> None:
     assert all(it.unit and it.words for section in symbols().values() for it in section.values())
 
 
+def test_a_symbol_of_all_pages_has_one_meaning() -> None:
+    for it in symbols()["Everywhere"].values():
+        assert not re.search(r";|\bor\b", it.words), it
+
+
+TERMS = ("turn", "slot", "late", "outlier", "bearing", "raft", "own position", "tilt",
+         "heading", "GPS", "mounting", "clock", "range", "spiral", "leg", "track", "round",
+         "platform", "speed of sound", "copy", "packet", "loss")  # fmt: skip
+"""What only some of the components have."""
+
+
+@pytest.mark.parametrize("name", COMPONENTS)
+def test_a_symbol_means_only_what_its_page_is_about(name: str) -> None:
+    component = COMPONENTS[name]
+    page = re.sub(r"<style>.*?</style>", "", index_html(model(component), 3), flags=re.DOTALL)
+    text, _, table = page.partition('id="symbols"')
+    text, table = (unescape(re.sub(r"<[^>]+>", " ", it)).casefold() for it in (text, table))
+    assert len(table) > 100
+    strange = [it for it in TERMS if it.casefold() in table and it.casefold() not in text]
+    assert strange == []
+
+
+def test_a_section_of_several_pages_is_that_of_each() -> None:
+    meanings = {page: of_page("receiver", page) for page in ("ekf", "fixed_lag", "long_baseline")}
+    both = ("punctual", "own positions")
+    for page, words in (("ekf", ()), ("long_baseline", both[:1]), ("fixed_lag", both)):
+        said = " ".join(row.words for row in meanings[page].values())
+        lines = [row.words for name, row in meanings[page].items() if name in ("h", r"\lambda")]
+        assert [it for it in both if any(it in line for line in lines)] == [*words], said
+    assert meanings["ekf"]["y"].words == "east"
+
+
+@pytest.mark.parametrize(("latex", "shown"), [
+    (r"-m \ln u", "−m ln u"), (r"\cos 2u", "cos 2u"), (r"2\sin(u)", "2 sin(u)"),
+    (r"\cos u \sin v", "cos u sin v"), (r"x \exp\left(v\right)", "x exp(v)"),
+    (r"\sqrt{2} \ln u", "2 ln u"), (r"= \ln u", "=ln u"),
+])  # fmt: skip
+def test_the_name_of_a_function_stands_apart_from_what_is_beside_it(
+    latex: str, shown: str
+) -> None:
+    text = re.sub(r"<mspace[^>]*>", " ", mathml(latex))
+    assert unescape(re.sub(r"<[^>]+>", "", text)) == shown
+
+
+def test_bars_are_a_pair_that_encloses_and_no_operators() -> None:
+    made = mathml(r"\lvert v \rvert < c / \lvert d \rvert")
+    found = re.findall(r"<mo([^>]*)>&#x0007C;</mo>", made)
+    assert [re.findall(r'form="(\w+)"', it) for it in found] == [["prefix"], ["postfix"]] * 2
+
+
 def test_markdown_is_embedded_below_the_title_and_without_raw_html() -> None:
     html = markdown("# EKF\n\n| a | b |\n|---|---|\n| 1 | 2 |\n\n<script>x</script>\n")
     assert "<h2>EKF</h2>" in html

@@ -684,6 +684,23 @@ def test_noise_does_not_look_like_a_structure(found: result.AreaMap) -> None:
     assert "the colours span 0 m to 10 m, further" in unsure.text(verbose=True)
 
 
+@pytest.mark.parametrize("size", [(100.0, 100.0), (40.0, 240.0), (240.0, 40.0)])
+@pytest.mark.parametrize("limit", [None, 4.0])
+@pytest.mark.parametrize("lost", [0.0, 0.3])
+def test_no_text_of_the_figures_is_cut_off(
+    found: result.AreaMap, size: tuple[float, float], limit: float | None, lost: float
+) -> None:
+    """Maps of equal scale are narrower than their panels, so their labels move."""
+    north, east = (side / 2 for side in size)
+    wide = replace(
+        found, grid=Grid((-north, north), (-east, east), 4, 6, 5.0),
+        cells=found.cells.assign(lost_share=lost),
+        settings={**found.settings, "limit_m": limit},
+    )
+    for plot in (figures.plot_map, figures.plot_narrow, figures.plot_certainty):
+        assert spoiled_texts(plot(wide)[0].figure) == [], plot
+
+
 @pytest.mark.parametrize(("limit", "words"), [(1.0, "no part"), (9.0, "all")])
 def test_only_contours_that_are_there_are_in_legend_and_on_earth(
     found: result.AreaMap, limit: float, words: str

@@ -513,6 +513,39 @@ def test_sources_of_nothing_are_named_in_one_line_of_the_figure() -> None:
     assert spoiled_texts(picture.figure) == []
 
 
+def test_sources_of_nothing_are_named_in_one_line_of_the_text() -> None:
+    """Also where the reference, which has no column then, is not 0 %; on request they are rows."""
+    found = _found()
+    sources = found.table["kind"] == "source"
+    first = found.table.loc[sources, "source"].iloc[0]
+    nothing = sources & (found.table["source"] != first)
+    table = found.table.copy()
+    table.loc[nothing, ["share", "share_low", "share_high"]] = 0.004
+    table.loc[nothing, "bound_share"] = 0.2
+    found = replace(found, table=table)
+    others = [found.label(str(name)) for name in table.loc[nothing, "source"].unique()]
+    lines = found.text().splitlines()
+    (line,) = (line for line in lines if line.startswith("0 %: "))
+    assert sorted(re.split(", | and ", line.removeprefix("0 %: "))) == sorted(others)
+    assert not [line for line in lines if line.startswith(tuple(f"{name}  " for name in others))]
+    more = found.text(verbose=True).splitlines()
+    assert not [line for line in more if line.startswith("0 %: ")]
+    assert all(any(line.startswith(f"{name}  ") for line in more) for name in others)
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+@pytest.mark.parametrize("known", [True, False])
+def test_the_key_of_the_figure_has_what_is_drawn(theme: style.ThemeName, known: bool) -> None:
+    found = _made_up((0.1, 0.05, 0.2))
+    if not known:
+        found.table[["share_low", "share_high"]] = np.nan
+    for ax in (None, style.new_figure(6.0, 5.0).add_subplot()):
+        picture = found.plot("absolute", ax, theme)
+        legends = [*picture.figure.legends, *filter(None, [picture.axes[0].get_legend()])]
+        labels = [text.get_text() for it in legends for text in it.get_texts()]
+        assert labels == ["m", *(["95 % interval"] if known else [])]
+
+
 def test_a_receiver_without_a_relative_position_has_one_frame() -> None:
     found = _quick(workers=1)
     assert set(found.table["frame"]) == {"absolute"}

@@ -89,6 +89,7 @@ WRONG: dict[str, tuple[str, ...]] = {
     "beacons": ("2", "9"),
     "new beacons": ("1, 2", "0"),
     "new pings": ("0 Hz", "x"),
+    "noise": ("-1", "x"),
     "mounting": ("-1", "5 cm"),
     "gps": ("rtkk", "3"),
     "compass": ("-1", "x"),

@@ -83,7 +83,7 @@ def answers(name: str, begin: Scenario) -> dict[str, Mapping[str, Any]]:
     (key,) = DECISIONS[name].keys(begin)
     numbers: dict[str, list[str]] = {
         "mounting": ["0", "0.2 m"], "compass": ["0.5", "5°", "5 deg"], "speed": ["0.3 m/s", "0"],
-        "pings": ["0.5", "2 Hz", "0.5 s"],
+        "pings": ["0.5", "2 Hz", "0.5 s"], "noise": ["0.15", "0.2 m"],
     }
     return {text: {key: 0.5 if name == "pings" else float(re.split("[^0-9.]", text)[0])}
             for text in numbers[name]}  # fmt: skip
@@ -178,7 +178,8 @@ def test_random_answers_to_random_questions(seed: int) -> None:
     for name in given:
         if name in made.open:  # a path of points has its depths
             for key, expected in answers(name, made.scenario)[given[name]].items():
-                if key in made.keys:
+                moved = key == "target.waypoint_m" and "depth" in given
+                if key in made.keys and not moved:
                     assert value(made.scenario, key) == expected, (given, key)
 
 

@@ -19,6 +19,7 @@ from sblcosim.areas.distance_result import DistanceCurve, row_step
 from sblcosim.areas.rings import Rings, rings_of
 from sblcosim.comparison.many import data_sheet as of_many
 from sblcosim.errors import ConfigurationError
+from sblcosim.fmus.build.factory import build
 from sblcosim.judge.pooling import effective, neighbours
 from sblcosim.limits import places, unknown
 from sblcosim.models.settings.presets import preset
@@ -404,15 +405,20 @@ def test_the_bound_of_many_runs_holds_for_few_and_wild_ones() -> None:
 
 # --- Conditions ----------------------------------------------------------------------------------
 
+NOISE = "range noise 0.1 m (1σ)"
 WORDS: dict[str, list[str]] = {
     "realistic-dive": ["Beaufort 2", "surge and sway of ±2.1 m",
-                       "GPS error 1.2 m horizontal (1σ per axis)", "heading error 3° RMS"],
-    "gps-buoys": ["beacons at rest", "sbas on each buoy".replace("sbas", "SBAS GPS")],
-    "harbour-lbl": ["beacons at rest", "beacons surveyed to 0.3 m (1σ per axis)"],
+                       "GPS error 1.2 m horizontal (1σ per axis)", "heading error 3° RMS", NOISE,
+                       "25 % packet loss", "5 % outliers", "speed of sound off by 2 %"],
+    "gps-buoys": ["beacons at rest", "SBAS GPS on each buoy", NOISE, "25 % packet loss",
+                  "5 % outliers", "speed of sound off by 2 %"],
+    "harbour-lbl": ["beacons at rest", "beacons surveyed to 0.3 m (1σ per axis)", NOISE,
+                    "10 % packet loss", "5 % outliers", "speed of sound off by 0.66 %"],
     "paper-scenario-1": ["roll, pitch and yaw of ±5°", "GPS error 0.1 m horizontal (1σ per axis)",
-                         "heading error 1° RMS"],
+                         "heading error 1° RMS", NOISE],
     "harbour-square": ["roll, pitch and yaw of ±3°", "heave of ±0.0707 m",
-                       "GPS error 1.05 m horizontal (1σ per axis)", "heading error 1° RMS"],
+                       "GPS error 1.05 m horizontal (1σ per axis)", "heading error 1° RMS", NOISE,
+                       "50 % packet loss"],
 }  # fmt: skip
 
 
@@ -452,8 +458,20 @@ def test_sizes_of_random_scenarios_are_theirs(seed: int) -> None:
              "gps_vertical_std_m", "imu_heading_std_deg", "imu_heading_bias_deg",
              "roll_amplitude_deg", "sway_amplitude_m", "mounting_std_m")  # fmt: skip
     keys = {key: float(np.round(rng.uniform(0.1, 3), 2)) * rng.integers(2) for key in names}
-    base = {"target": {"speed_m_s": 0.3}, "platform": keys}
+    noise, loss, late = (float(np.round(rng.uniform(0.1, 0.9), 2)) * rng.integers(2)
+                         for _ in range(3))  # fmt: skip
+    sound = float(rng.choice([1500.0, 1510.0, 1480.0]))
+    base = {
+        "target": {"speed_m_s": 0.3}, "platform": keys,
+        "acoustics": {"range_std_m": noise, "loss_probability": loss, "outlier_probability": late,
+                      "sound_speed_m_s": sound, "assumed_sound_speed_m_s": 1500.0},
+    }  # fmt: skip
     said = "; ".join(conditions(sblcosim.load(base)))
+    assert (f"range noise {noise:.3g} m (1σ)" in said) == bool(noise)
+    assert ("ranges without noise" in said) == (not noise)
+    assert (f"{100 * loss:.0f} % packet loss" in said) == bool(loss)
+    assert (f"{100 * late:.0f} % outliers" in said) == bool(late)
+    assert ("speed of sound off by" in said) == (sound != 1500.0)
     gps = hypot(*(keys[it] for it in names[:3]))
     if has_own_errors(sblcosim.load(base).platform):
         assert "GPS" not in said
@@ -468,6 +486,28 @@ def test_sizes_of_random_scenarios_are_theirs(seed: int) -> None:
     assert ("at rest" in said) == (not keys["roll_amplitude_deg"] and not keys["sway_amplitude_m"])
     survey = keys["mounting_std_m"]
     assert (f"surveyed to {survey:.3g} m" in said) == bool(survey)
+
+
+@pytest.mark.parametrize("name", ["platform", "acoustics"])
+def test_of_another_fmu_only_the_name_is_known(name: str) -> None:
+    other = Path(build(name, 2))
+    scenario = sblcosim.load("realistic-dive", {f"{name}.fmu": str(other)})
+    said = conditions(scenario)
+    assert f"{name} of {other.name}" in said
+    assert (NOISE in said) == (name == "platform")
+    assert ("Beaufort 2" in said) == (name == "acoustics")
+
+
+def test_a_platform_of_ones_own_has_depths_and_no_distances() -> None:
+    """The path is the same in all runs; where the beacons are in them, nobody knows."""
+    other = str(build("platform", 2))
+    changes = {"platform.fmu": other, "time.duration_s": 5.0}
+    many = sblcosim.run_many("paper-scenario-1", None, changes, runs=59)
+    assert "m at 5 m depth, platform of platform.fmu, " in many.data_sheet[0]
+    assert "drawn anew" not in many.data_sheet[0]
+    changed = {**changes, "target.trajectory": "random_path"}
+    many = sblcosim.run_many("paper-scenario-1", None, changed, runs=59)
+    assert "on paths drawn anew in each run, platform of" in many.data_sheet[0]
 
 
 # --- Command -------------------------------------------------------------------------------------

@@ -10,7 +10,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from sblcosim.layout import fitted, table
+from sblcosim.layout import filled, fitted, table
+from sblcosim.results.figures.drawing import wrapped
 from sblcosim.scenario.scenario import shipped
 
 LONG = "ekf: 2.9 m RMS, 95 % within 5.1 m; claims 0.6 m: do not trust its covariance, says NEES"
@@ -31,6 +32,14 @@ def test_long_lines_are_wrapped_between_words_and_indented(width: int) -> None:
     assert max(map(len, (first, *rest))) <= width
     assert " ".join(line.strip() for line in (first, *rest)) == LONG
     assert not any(line.strip().startswith(("%", "m;", "m:")) for line in rest)
+
+
+@pytest.mark.parametrize("width", range(9, 60, 3))
+def test_labels_of_figures_keep_numbers_with_their_units(width: int) -> None:
+    words = "5 % outliers; surveyed to 0.03 m (1σ); 25 % loss; 0.4 m/s; errors from 20 s to 60 s"
+    for lines in (filled(words, width), wrapped(words, width / 13)):
+        assert " ".join(lines.split("\n")) == words
+        assert not [line for line in lines.split("\n") if line.startswith(("%", "m ", "m/", "s "))]
 
 
 def test_a_path_is_left_whole() -> None:

@@ -27,7 +27,8 @@ from typer.testing import CliRunner
 
 ANSWERS = {
     "beacons": "2 1 0.5; 2 -1 0.5; -2 0 1.5", "mounting": "0.2 m", "gps": "RTK", "compass": "5°",
-    "sea": "Beaufort 3", "pings": "2 Hz", "path": "Circle", "depth": "4, 9", "speed": "0.3 m/s",
+    "sea": "Beaufort 3", "pings": "2 Hz", "noise": "0.3 m", "path": "Circle",
+    "depth": "4, 9", "speed": "0.3 m/s",
 }  # fmt: skip
 ON_A_TERMINAL = [sys.executable, "-m", "sblcosim", "new"]
 
@@ -77,6 +78,8 @@ def test_the_example_of_a_question_is_an_answer(name: str) -> None:
     ("options", "words"),
     [(["--gps", "rtkk"], "--gps: must be standalone, sbas, differential, rtk_float or rtk_fixed, "
                          "got 'rtkk'; did you mean 'rtk'?"),
+     (["--gps", "0.3 m"], "or sizes of the errors as platform.gps_… in the file, got '0.3 m'"),
+     (["--noise", "-1"], "--noise: must be at least 0.0, got -1"),
      (["--depth", "-5"], "--depth: must be at least 0.0, got -5"),
      (["--speed", "fast"], "--speed: must be a number in m/s, got 'fast'"),
      (["--beacons", "0.5, 0.5, 1"], "--beacons: must be an array of 3 to 8 rows of 3 numbers, got "
@@ -115,6 +118,15 @@ def test_a_gps_is_known_under_the_names_that_people_have_for_it(word: str, grade
 def test_a_kind_of_system_is_read_in_any_case() -> None:
     assert new("mine", "--like", "Water Linked").exit_code == 0
     assert load("mine.toml").title == "Four receivers off a boat"
+
+
+@pytest.mark.parametrize("like", [name for name, it in LIKES.items() if load(it.source).title])
+def test_a_title_that_tells_another_number_of_beacons_is_left_out(like: str) -> None:
+    title = load(LIKES[like].source).title
+    for count in (4, 6):
+        points = "; ".join(f"{3 * (k % 2)} {2 * k} 1" for k in range(count))
+        assert new("mine", "--force", "--like", like, "--beacons", points).exit_code == 0
+        assert load("mine.toml").title == (title if count == 4 else "")
 
 
 def test_all_keys_are_written_on_request() -> None:
@@ -216,6 +228,7 @@ CARELESS = {
     "compass": ("two degrees", "compass: must be a number in °, got 'two degrees'"),
     "sea": ("9", "sea: must be at most 6, got 9"),
     "pings": ("0 Hz", "pings: must be more than 0, got '0 Hz'"),
+    "noise": ("quiet", "noise: must be a number in m, got 'quiet'"),
     "path": ("crcle", "did you mean 'circle'?"),
     "depth": ("5-10", "depth: must be one depth or two in m, got '5-10'"),
     "speed": ("30 knots", "speed: must be a number in m/s, got '30 knots'"),
@@ -245,8 +258,8 @@ def test_what_is_given_is_not_asked_and_binds_the_answers() -> None:
     asked = []
     while name := terminal.question():
         asked.append(name)
-        terminal.child.sendline("dive.csv" if asked[-2:] == ["mounting", "path"] else "")
-    assert asked == ["beacons", "mounting", "path", "path", "speed"]
+        terminal.child.sendline("dive.csv" if asked[-2:] == ["noise", "path"] else "")
+    assert asked == ["beacons", "mounting", "noise", "path", "path", "speed"]
     assert "depth: must be left out, as trajectory is \"file\", got '7'" in terminal.said()
     assert load("mine.toml").target.waypoint_m[2::3] == (7.0,) * 8
 

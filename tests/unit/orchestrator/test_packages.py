@@ -126,6 +126,7 @@ def test_the_plan_is_printed(tmp_path: Path) -> None:
     done = CliRunner().invoke(app, ["plan", str(file)])
     assert done.exit_code == 0, done.stderr
     assert "ekf        ekf.fmu        2" in done.stdout
+    assert "to                                  unit\n" in done.stdout  # nothing is converted
     assert json.loads(CliRunner().invoke(app, ["plan", str(file), "--json"]).stdout)["components"]
 
 
@@ -1148,6 +1149,7 @@ def test_a_package_is_drawn_in_text(stranger2: Path, tmp_path: Path) -> None:
     assert ["s", "system"] in rows
     assert "  b      a b.fmu  2    0.001 s" in text
     assert ["a.now", "km", "s.i", "m", "×", "1000"] in rows
+    assert ["from", "unit", "to", "unit", "values"] in rows
     assert ["x", "km", "a.u", "m", "×", "1000"] in rows
     assert ["s.i", "m", "s/b.u", "m"] in rows
     assert "inputs without a connection keep the value they begin with: a.n, a.on, s/b.u, s/b." \

@@ -588,6 +588,7 @@ def test_designs_without_a_finite_value_are_drawn_and_counted(plot: Any) -> None
     assert (unseen.get_marker(), unseen.get_linestyle()) == ("None", "None")
     assert "fails (3)" in labels
     assert "beyond (2): less than 90 % end well" in labels
+    assert labels.count("bar: to the sure bounds") == 1
     top = ax.get_ylim()[1]
     arrows = [line for line in ax.lines if line.get_marker() == "^" and len(line.get_xdata())]
     assert sorted(x for line in arrows for x in line.get_xdata()) == sorted(
@@ -604,6 +605,17 @@ def test_designs_without_a_finite_value_are_drawn_and_counted(plot: Any) -> None
         assert -1 <= box.y0 < box.y1 <= height + 1
     keys = [text.get_tightbbox() for text in ax.figure.texts]
     assert max(box.y1 for box in keys) <= ax.get_tightbbox().y0 < legend.get_tightbbox().y0
+
+
+def test_bars_are_in_the_key_only_if_there_are_any() -> None:
+    answer = pretended(require.load(QUESTION), dict.fromkeys(range(6), 0.5))
+    inf = float("inf")
+    for lower, said in ((0.5, True), (-inf, False)):
+        made = at(answer, estimate=[3.0] * 6, lower=[lower] * 6, upper=[inf] * 6,
+                  verdict=["fails"] * 6, runs=[96] * 6)  # fmt: skip
+        (legend,) = plot_front(made).figure.legends
+        labels = [text.get_text() for text in legend.get_texts()]
+        assert ("bar: to the sure bounds" in labels) == said
 
 
 @pytest.mark.parametrize("plot", [plot_front, plot_narrow])
@@ -658,8 +670,8 @@ def test_the_front_names_the_answer_and_the_next_cheaper_alone() -> None:
 
 def test_what_decides_is_first_in_the_table(found: tuple[Requirement, Path]) -> None:
     head, rows = found[0].table(found[0].designs)
-    assert head == ["GPS · baseline", "verdict", "90 % within [m]", "cost", "within", "surely",
-                    "runs"]  # fmt: skip
+    assert head == ["GPS · baseline", "verdict", "90 % within [m]", "cost", "within 1 m",
+                    "surely [m]", "runs"]  # fmt: skip
     assert len({len(row) for row in rows}) == 1
     row = rows[found[0].named]
     assert row[0].startswith("A  0.1 m · 3 m")
