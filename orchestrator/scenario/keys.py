@@ -239,6 +239,7 @@ Overrides = TypedDict(
         "receiver.imu_heading_error_std_deg": float | None,
         "receiver.imu_heading_error_time_s": float | None,
         "receiver.imu_tilt_std_deg": float | None,
+        "receiver.watch": bool | None,
         "receiver.lag_s": float | None,
         "receiver.beacon_error_std_m": float | None,
         "receiver.beacon_vertical_error_std_m": float | None,
