@@ -1,7 +1,8 @@
 """The documentation site: ``sphinx-build -W --keep-going -n -c docs . site``, without a network.
 
 Pages are the Markdown files where they are, so links lead to the same texts in the repository and
-on the site. What only the site can show stands in a comment: ``<!-- on the site`` … ``-->``.
+on the site. What only the site can show stands in a comment: ``<!-- on the site`` … ``-->``. What
+it need not show stands between ``<!-- in the repository -->`` and ``<!-- end -->``.
 """
 
 from __future__ import annotations
@@ -106,7 +107,9 @@ def attributes_in_one_line(app: Any, what: str, name: str, obj: Any, options: An
 
 
 def on_the_site(app: Any, page: str, source: list[str]) -> None:
-    """Show what stands in a comment because only the site can show it."""
+    """Show what stands in a comment because only the site can show it, instead of what it has."""
+    source[0] = re.sub(r"<!-- in the repository -->.*?<!-- end -->", "", source[0],
+                       flags=re.DOTALL)
     source[0] = re.sub(r"<!-- on the site\n(.*?)-->", r"\1", source[0], flags=re.DOTALL)
 
 

@@ -103,8 +103,8 @@ def draw(
         return
     t = limits.epoch_ns / 1e9
     shown = t >= since_s
-    if not shown.any():
-        return
+    if shown.sum() < 2:
+        return  # a single epoch has no band
     P = getattr(limits, _COVARIANCE[frame])[shown]
     variances = np.fmax(np.diagonal(P, axis1=1, axis2=2), 0)
     variances[limits.ring[shown]] = np.nan

@@ -211,7 +211,37 @@ def test_the_site_is_built_and_whole(tmp_path: Path, drawn: Path) -> None:
     the_pages_need_nothing_from_elsewhere(site)
     links_within_the_site_lead_somewhere(site)
     formulas_are_typeset_and_lead_to_their_symbols(site)
+    outputs_are_wrapped_as_on_a_terminal(site)
     every_page_fits_narrow_and_wide_windows(site)
+
+
+def outputs_are_wrapped_as_on_a_terminal(site: Site) -> None:
+    """Lines of sentences; those with columns stay."""
+    count = 0
+    for page in site.pages:
+        for block in re.findall(r'<div class="highlight-text.*?</pre>', page.read_text("utf-8"),
+                                re.DOTALL):  # fmt: skip
+            for line in unescape(re.sub(r"<[^>]*>", "", block)).splitlines():
+                count += line.startswith("  ")
+                assert len(line) <= 80 or re.search(r"\S {2,}\S", line), f"{page}: {line}"
+    assert count > 10
+
+
+def test_every_page_can_be_read_in_the_repository() -> None:
+    """Without what only the site shows, a page begins with a sentence and has no directive."""
+    pages = [*DOCS.rglob("*.md"), *ROOT.glob("models/**/*.md")]
+    assert len(pages) > 40
+    for path in (page for page in pages if "made" not in page.parts):
+        text = re.sub(r"<!--.*?-->", "", path.read_text("utf-8"), flags=re.DOTALL)
+        assert not re.search(r"^\s*(```|:::)+\s*\{", text, re.MULTILINE), path
+        title, _, rest = text.strip().partition("\n")
+        assert title.startswith("# "), path
+        first = re.sub(r"\s+", " ", rest.strip().split("\n\n")[0])
+        if not first.startswith(("```", "##")):  # a command or a part may come first
+            assert len(first.split()) > 4, path
+    first = re.sub(r"<!--.*?-->", "", (DOCS / "index.md").read_text("utf-8"), flags=re.DOTALL)
+    assert "simulates" in first.split("```")[0]
+    assert "[README](../README.md)" in first
 
 
 def every_document_is_a_page(site: Site) -> None:
@@ -315,7 +345,7 @@ def every_command_and_option_is_in_the_reference(site: Site) -> None:
 
 def every_document_of_json_is_in_the_reference(site: Site) -> None:
     page = site.folder / "docs" / "reference" / "json.html"
-    text = page.read_text("utf-8")
+    text = page.read_text("utf-8").replace("<wbr>", "")
     assert "with --dry-run" in text  # and no dash
     for command in DOCUMENTS:
         assert command in site.pages[page].ids
@@ -327,7 +357,8 @@ def every_document_of_json_is_in_the_reference(site: Site) -> None:
 
 
 def every_column_of_a_run_is_in_the_reference(site: Site) -> None:
-    text = (site.folder / "docs" / "reference" / "results.html").read_text("utf-8")
+    page = site.folder / "docs" / "reference" / "results.html"
+    text = page.read_text("utf-8").replace("<wbr>", "")
     for table in TABLES.values():
         for column in (*table.index, *table.columns):
             assert f'<span class="pre">{column.name}</span>' in text, column.name
@@ -401,6 +432,10 @@ def links_within_the_site_lead_somewhere(site: Site) -> None:
 
 
 def formulas_are_typeset_and_lead_to_their_symbols(site: Site) -> None:
+    texts = [page.read_text("utf-8") for page in site.pages]
+    assert not any("<mo>&#x0007C;</mo>" in text for text in texts)  # a bar of another height
+    assert any('<mo stretchy="false" lspace="0" rspace="0">&#x0007C;</mo>' in t for t in texts)
+    assert not any(re.search(r"</math>(</a>)?[.,;]", text) for text in texts)  # may be broken
     rows = site.pages[site.folder / "models" / "SYMBOLS.html"].ids
     assert sum(name.startswith("symbol-") for name in rows) > 200
     for path in site.pages:

@@ -86,9 +86,12 @@ def lines_of(tracks: Tracks, look: Theme) -> Iterator[tuple[str, pd.DataFrame, d
             index = filters.index(label)
             turn, colour = divmod(index, len(look.receivers))
             often = ceil(len(table) / 12) or 1
+            marker = MARKERS[turn % len(MARKERS)]
+            if len(table) == 1:  # a point alone makes no line
+                marker = MARKERS[1 + index % (len(MARKERS) - 1)]
             how = {
                 "color": look.receivers[colour], "ls": LINES[index % len(LINES)], "lw": 1.4,
-                "marker": MARKERS[turn % len(MARKERS)], "ms": 5,
+                "marker": marker, "ms": 5,
                 "markevery": (index * often // len(filters), often), "zorder": 4,
             }
         # Matplotlib omits labels that start with an underscore from a legend.

@@ -101,7 +101,7 @@ def plot_errors(
             for label, table, how in drawing.lines_of(tracks, look):
                 t, e = table["epoch_s"], table[column]
                 drawing.add_line(ax, t, e, how | {"label": label})
-                if len(t) and f"{claim}_{axis}_m" in table and drawing.is_filter(label):
+                if len(t) > 1 and f"{claim}_{axis}_m" in table and drawing.is_filter(label):
                     _draw_band(ax, t, 2 * table[f"{claim}_{axis}_m"], label, how)
                     bands = True
             top = drawing.error_limit(tracks, column, f"{claim}_{axis}_m")

@@ -604,6 +604,20 @@ def test_run_without_a_fix_has_its_time_axis_and_says_so():
         np.testing.assert_allclose(drawn[name][-1].get_xlim(), [-0.1, 10.1])
 
 
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_a_single_estimate_is_a_mark(run, theme):
+    """A line through one point would be nothing, and so would be a band."""
+    record, tracks = run
+    one = {name: table.iloc[:1] for name, table in tracks.items()}
+    drawn = figures(record, one, theme)
+    for name in ("path", "path_3d", "axes", "errors"):
+        for ax in drawn[name]:
+            for label in ("ekf", "sequential"):
+                (line,) = (it for it in ax.lines if it.get_label() == label)
+                assert line.get_marker() in style.MARKERS[1:], (name, label)
+    assert "band" not in title_of(drawn["errors"][0])
+
+
 def test_run_without_a_fix_speaks_of_no_bands():
     record = silent("ekf")
     count = len(record.time_ns)
