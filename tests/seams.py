@@ -21,6 +21,7 @@ import pytest
 def numbers() -> dict[str, tuple[ModuleType, str]]:
     """Where the numbers of the product stand that tests make small, or large."""
     from sblcosim.analysis.common import bounds
+    from sblcosim.cli.common import app
     from sblcosim.estimation import smoother
     from sblcosim.fmus.conformance import runner as conformance
     from sblcosim.fmus.read import archive, description
@@ -56,6 +57,7 @@ def numbers() -> dict[str, tuple[ModuleType, str]]:
         "track_bytes": (read, "LARGEST"),
         "track_points": (track, "MOST_POINTS"),
         "variables": (description, "MAX_VARIABLES"),
+        "waiting": (app, "PATIENCE"),
         "worker_patience": (executors, "PATIENCE"),
     }
 

@@ -102,7 +102,7 @@ def _sample(x: Symbols) -> SimpleNamespace:
     placing, sounding, posing, ranging
         Whether it places the platform for the first time, has a depth to be used, a pose, a range.
     using
-        Whether the filter has started and does not start anew.
+        Whether the filter has started and does not start again.
     enough, first
         Whether the latest receptions suffice for a fix, and whether this is the first.
     last

@@ -73,8 +73,7 @@ def _copy(row: Any) -> _Copy:
 
 
 def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
-    states = coupled.initial(p, w, t)
-    states["shown"] = ca.SX.zeros(0, 1)
+    states = {**coupled.initial(p, w, t), "shown": ca.SX.zeros(0, 1)}
     ports = {
         v.name: (p.beacons, *v.shape[1:]) if v.rows else v.shape
         for v in (*RECEPTION, *DEPTH, *PING_POSE)

@@ -66,7 +66,8 @@ def run_coupled(record: Record, p: Any, scenario: Scenario) -> Record:
                 interval_ns,
                 {
                     name: tuple(value.flat) if isinstance(value, np.ndarray)
-                    else int(value) if COUPLED[name].type != "Float64" else value
+                    else bool(value) if COUPLED[name].type == "Boolean"
+                    else int(value) if COUPLED[name].type == "Int32" else value
                     for name, value in values.items()
                 },
             ),

@@ -186,7 +186,7 @@ class Scene:
 
 def _fit(ax: Axes) -> None:
     """Make room for the numbers of the vertical axis."""
-    ax.yaxis.set_major_formatter(drawing.Numbers())
+    ax.yaxis.set_major_formatter(drawing.WholeTicks())
     usual: Any = ax.get_subplotspec()
     place = usual.get_position(ax.figure)
     left = place.x0 + drawing.longer_numbers([ax]) / SIZE[0]

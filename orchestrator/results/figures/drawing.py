@@ -144,7 +144,7 @@ def halo(look: Theme) -> list[AbstractPathEffect]:
     return [withStroke(linewidth=2.4, foreground=look.paper)]
 
 
-class Numbers(ScalarFormatter):
+class WholeTicks(ScalarFormatter):
     """Numbers at the ticks that are whole in themselves: no power of ten stands beside the axis."""
 
     def format_ticks(self, values: Any) -> list[str]:
@@ -246,7 +246,7 @@ def panels(
     grid = figure.subplots(count, sharex=True, gridspec_kw={"height_ratios": heights})
     for ax in grid:
         ax.margins(x=0.01)
-        ax.yaxis.set_major_formatter(Numbers())
+        ax.yaxis.set_major_formatter(WholeTicks())
         if ax is not grid[-1]:
             ax.tick_params(axis="x", bottom=False)  # the grid is enough, and is drawn anyway
     return list(grid)

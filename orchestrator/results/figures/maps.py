@@ -271,8 +271,8 @@ class _Sheet:
             above.tick_params(labelbottom=True)
         for panel in grid.flat[:count]:
             longest = max(drawing.inches(f"{end:.0f}") for end in self.limits["y_m"])
-            panel.xaxis.set_major_formatter(drawing.Numbers())
-            panel.yaxis.set_major_formatter(drawing.Numbers())
+            panel.xaxis.set_major_formatter(drawing.WholeTicks())
+            panel.yaxis.set_major_formatter(drawing.WholeTicks())
             panel.xaxis.set_major_locator(_locator(self.wide, longest + 0.35))
             panel.yaxis.set_major_locator(_locator(self.high, 0.4))
         return list(grid.flat[:count])

@@ -22,6 +22,7 @@ from sblcosim.judge.definitions import LOST
 from sblcosim.report import study as reports
 from sblcosim.results.responses import ORDER_STATISTIC
 from sblcosim.study import study
+from seams import Seam
 from typer.testing import CliRunner
 
 ROOT: Any = typer.main.get_command(app)
@@ -210,14 +211,16 @@ def test_help_has_a_short_name_everywhere(name: str) -> None:
     assert short.output.startswith("Usage: ")
 
 
-def test_progress_is_said_in_per_cent_with_a_space(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_progress_is_said_in_per_cent_with_a_space(
+    monkeypatch: pytest.MonkeyPatch, seam: Seam
+) -> None:
     class Terminal(io.StringIO):
         def isatty(self) -> bool:
             return True
 
     shown = Terminal()
     monkeypatch.setattr("sys.stderr", shown)
-    monkeypatch.setattr("sblcosim.cli.common.app.PATIENCE", 0.0)
+    seam.tuned(waiting=0.0)
     begun = threading.Event()
     start = Progress.start
     monkeypatch.setattr(Progress, "start", lambda it: (start(it), begun.set()))

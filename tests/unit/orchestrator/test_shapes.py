@@ -133,7 +133,7 @@ def test_errors_beside_a_deep_dive_are_on_the_map(name):
     ([], []),
 ])  # fmt: skip
 def test_numbers_at_ticks_need_no_power_of_ten_beside_the_axis(values, words):
-    ticks = drawing.Numbers(useOffset=False)
+    ticks = drawing.WholeTicks(useOffset=False)
     ticks.create_dummy_axis()
     assert ticks.format_ticks(values) == words
     assert ticks.get_offset() == ""

@@ -262,7 +262,9 @@ def test_a_single_run_that_is_lost_is_not_judged() -> None:
 
 def test_a_study_says_so_too() -> None:
     found = SimpleNamespace(points=3, optimistic=0, pessimistic=0, in_band=0, untold=3)
-    receiver = SimpleNamespace(lost=0.66, rms_m=3.0, covariances={"absolute": found})
+    receiver = SimpleNamespace(
+        lost=0.66, misleading=None, rms_m=3.0, covariances={"absolute": found}
+    )
     study: Any = SimpleNamespace(receivers={"ekf": receiver}, finished=9, failed=0, failure=None)
     first = next(iter(contents.study_lines(study, False)))
     assert first == (
