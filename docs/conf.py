@@ -2,7 +2,8 @@
 
 Pages are the Markdown files where they are, so links lead to the same texts in the repository and
 on the site. What only the site can show stands in a comment: ``<!-- on the site`` … ``-->``. What
-it need not show stands between ``<!-- in the repository -->`` and ``<!-- end -->``.
+it need not show stands between ``<!-- in the repository -->`` and
+``<!-- in the repository and on the site -->``.
 """
 
 from __future__ import annotations
@@ -108,8 +109,8 @@ def attributes_in_one_line(app: Any, what: str, name: str, obj: Any, options: An
 
 def on_the_site(app: Any, page: str, source: list[str]) -> None:
     """Show what stands in a comment because only the site can show it, instead of what it has."""
-    source[0] = re.sub(r"<!-- in the repository -->.*?<!-- end -->", "", source[0],
-                       flags=re.DOTALL)
+    only = r"<!-- in the repository -->.*?<!-- in the repository and on the site -->"
+    source[0] = re.sub(only, "", source[0], flags=re.DOTALL)
     source[0] = re.sub(r"<!-- on the site\n(.*?)-->", r"\1", source[0], flags=re.DOTALL)
 
 
