@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 TABLE = "distances"
-_ROWS = 7
+_ROWS = 4
 """Most distances in all printed tables without ``--verbose``."""
 _figures = Module("sblcosim.areas.distance_figures")
 
