@@ -12,9 +12,6 @@ from sphinx.application import Sphinx
 from sphinx.writers.html5 import HTML5Translator
 
 TABLE = "models/SYMBOLS"
-_BAR = "<mo>&#x0007C;</mo>"
-_EVEN_BAR = _BAR.replace("<mo>", '<mo stretchy="false" lspace="0" rspace="0">')
-"""A bar of the same height on both sides: one with an exponent is another operator."""
 _CLOSING = re.compile(r"[.,;:!?)\]]")
 _JOINED = "&#8288;"
 """A word joiner: a line may begin with no punctuation."""
@@ -36,7 +33,7 @@ def _write(writer: HTML5Translator, node: nodes.Element, display: bool) -> None:
     models = page.startswith("models/") or folder == "limits"
     known = of_page(folder, name) if models and page != TABLE else {}
     uri = writer.builder.get_relative_uri(page, TABLE)
-    made = linked(node.astext(), display, known, f"{uri}#{{}}".format).replace(_BAR, _EVEN_BAR)
+    made = linked(node.astext(), display, known, f"{uri}#{{}}".format)
     after = node.next_node(nodes.Text, descend=False, siblings=True)
     joined = _JOINED if after is not None and _CLOSING.match(after.astext()) else ""
     writer.body.append(f"{made}{joined}")
