@@ -7,6 +7,7 @@ the platform. A filter that is wrong restarts.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from math import pi
 from typing import Any
 
@@ -14,7 +15,17 @@ import casadi as ca
 
 from ..declaration import number_of
 from ..equations import Equations, Loop, Symbols, Values
-from . import arc, estimate, lateness, least_squares, measurements, pose, start, surroundings
+from . import (
+    arc,
+    estimate,
+    lateness,
+    least_squares,
+    measurements,
+    pose,
+    start,
+    surroundings,
+    waves,
+)
 from .estimate import pack, unpack
 from .least_squares import symmetric
 from .measurements import DEPTH, Samples, with_beacons
@@ -32,6 +43,7 @@ from .surroundings import (
     Measurement,
 )
 from .variables import INITIALISATION
+from .waves import Heave, Swing
 
 _PRIOR = number_of(INITIALISATION, "prior")
 _FAR_STD = 30.0
@@ -60,6 +72,7 @@ def initial(p: Symbols, w: Symbols, t: Any) -> Values:
         "mean": mean,
         "covariance": pack(ca.diag(stds**2)),
         "platform_down": 0,
+        **_states_of(waves.no_heave(p), waves.no_swing(p)),
         "pose_epoch": t,
         "arm": ca.SX.zeros(p.beacons, 3),
         **pose.NOTHING.states,
@@ -108,7 +121,9 @@ def processed(p: Symbols, x: Symbols, u: Symbols) -> tuple[dict[str, Any], list[
 
     phi, noise = surroundings.transition(ca, p, epoch - x.epoch)
     mean, P, moved = _predicted(x, phi, noise)
-    before = pose.later(x, surroundings.drift(p, phi, noise))
+    drift = surroundings.drift(p, phi, noise)
+    heave, swing = _waves_later(p, x, mean, epoch - x.epoch, drift)
+    before = pose.later(x, drift)
     said = pose.read(p, u, s, chosen, newest, before)
     mean, P, located = _located(mean, P, said, packet, x.located)
 
@@ -116,10 +131,12 @@ def processed(p: Symbols, x: Symbols, u: Symbols) -> tuple[dict[str, Any], list[
     mean, P, depth_nis, sounded = _sounded(p, mean, P, s.z[DEPTH], depth_used)
 
     # Several packets of one epoch hold the same pose, errors included.
-    again = (oldest == x.pose_epoch) * (said.is_own == 0)
-    mean, P, posed = _platform_updated(p, mean, P, said, packet * located * (again == 0))
+    fresh = packet * (1 - (oldest == x.pose_epoch) * (said.is_own == 0))
+    mean, P, heave, sunk = _floated(p, mean, P, heave, said, fresh)
+    mean, P, swing, posed = _platform_updated(p, mean, P, swing, said, fresh * located)
+    said = _swung(said, mean, swing)
     ranged = packet * located * using
-    mean, P, share, range_nis, heard = _range_updated(p, mean, P, said, z, ranged)
+    mean, P, share, range_nis, heard = _range_updated(p, mean, P, said, swing, z, ranged)
 
     score = lateness.score(p, x.score, share, ranged)
     too_fast = ca.sumsqr(mean[list(VELOCITY)]) > p.speed_limit**2
@@ -138,6 +155,7 @@ def processed(p: Symbols, x: Symbols, u: Symbols) -> tuple[dict[str, Any], list[
         "located": located,
         "pose_epoch": ca.if_else(packet, oldest, x.pose_epoch),
         "platform_down": ca.if_else(packet, said.pose.down, x.platform_down),
+        **_states_of(heave, swing),
         "arm": ca.if_else(ca.repmat(chosen, 1, 3), ca.repmat(arm.T, s.count, 1), x.arm),
         **said.own.states,
         "score": ca.if_else(wrong, 0, score),
@@ -147,7 +165,7 @@ def processed(p: Symbols, x: Symbols, u: Symbols) -> tuple[dict[str, Any], list[
         "passes": ca.if_else(anew, least_squares.PASSES, x.passes),
         "damping": ca.if_else(anew, least_squares.FIRST_DAMPING, x.damping),
     }
-    return changed, [moved, sounded, *posed, *heard]
+    return changed, [moved, sounded, sunk, *posed, *heard]
 
 
 def _sounded(
@@ -247,16 +265,78 @@ def _update(
     return d + share * rest * c, symmetric(P - share * (c @ c.T)), share * rest**2, step
 
 
+def heave_of(x: Symbols) -> Heave:
+    """The platform's depth, from the states."""
+    return Heave(x.heave, x.heave_share, x.heave_variance)
+
+
+def _swing_of(x: Symbols) -> Swing:
+    return Swing(
+        ca.vertsplit(x.swing), x.swing_share, ca.vertsplit(x.swing_turned), x.swing_variance
+    )
+
+
+def _states_of(heave: Heave, swing: Swing) -> Values:
+    return {
+        "heave": heave.down, "heave_share": heave.share, "heave_variance": heave.variance,
+        "swing": ca.vertcat(*swing.tilt), "swing_share": swing.share,
+        "swing_turned": ca.vertcat(*swing.turned), "swing_variance": swing.variance,
+    }
+
+
+def _waves_later(
+    p: Symbols, x: Symbols, mean: Any, dt: Any, drift: tuple[Any, Any, Any]
+) -> tuple[Heave, Swing]:
+    """Heave and swing after dt; `mean` is the predicted state."""
+    now, then = _elements(mean), _elements(x.mean)
+    moved = [a - b for a, b in zip(waves.causes(now), waves.causes(then), strict=True)]
+    sunk = now[VERTICAL_ERROR] - then[VERTICAL_ERROR]
+    return (
+        waves.heave_later(ca, p, heave_of(x), dt, sunk, drift[2]),
+        waves.swing_later(ca, p, _swing_of(x), dt, moved, drift[:2]),
+    )
+
+
+def _floated(
+    p: Symbols, mean: Any, P: Any, heave: Heave, said: pose.Packet, weight: Any
+) -> tuple[Any, Any, Heave, Map]:
+    """Apply the reported depth of the platform.
+
+    It corrects g_z alone: what other states have in common with g_z, ranges have told them.
+    """
+    z, n = said.pose.down, VERTICAL_ERROR
+    row = waves.down_after(ca, p, heave, said.pose.own, [said.arm[i] for i in range(2)])
+    slope = row.row[n]
+    gain = weight * slope * P[n, n] / (slope**2 * P[n, n] + row.variance)
+    kept = 1 - gain * slope
+    mean, P = ca.SX(mean), ca.SX(P)
+    mean[n] += gain * (z - row.value - slope * mean[n])
+    for i in range(STATES):
+        P[i, n] = P[n, i] = kept * P[n, i]
+    return mean, P, waves.heaved(heave, row, z, weight), Map({(n, n): kept})
+
+
+def _swung(said: pose.Packet, mean: Any, swing: Swing) -> pose.Packet:
+    """The packet with what tilt does to its beacon, if it holds that beacon's position alone."""
+    lever = said.body[2]
+    moved = tuple(lever * tilt for tilt in swing.at(_elements(mean)))
+    return replace(
+        said, pose=replace(said.pose, swing=moved, swing_variance=lever**2 * swing.variance)
+    )
+
+
 def _platform_updated(
-    p: Symbols, mean: Any, P: Any, said: pose.Packet, weight: Any
-) -> tuple[Any, Any, list[Step]]:
+    p: Symbols, mean: Any, P: Any, swing: Swing, said: pose.Packet, weight: Any
+) -> tuple[Any, Any, Swing, list[Step]]:
     """Apply what a packet says about the platform as one correction."""
     x = _elements(mean)
     d = ca.SX.zeros(STATES)
-    body = [said.body[0], said.body[1]]
+    body = [said.body[i] for i in range(3)]
     spread = P[HEADING, HEADING] + 2 * P[HEADING, HEADING_ERROR] + P[HEADING_ERROR, HEADING_ERROR]
     steps: list[Step] = []
-    for i, row in enumerate(surroundings.places(ca, p, x, body, spread)):
+    # Rounding may leave less than 0 of a variance that was very large.
+    known = surroundings.places(ca, p, x, body, ca.fmax(spread, 0))
+    for i, row in enumerate(waves.places_after(x, known, body[2], swing)):
         d, P, _, step = _update(P, d, row, said.place[i] - row.value, weight)
         steps.append(step)
     row = surroundings.heading(ca, p, x)
@@ -264,11 +344,12 @@ def _platform_updated(
     wrapped = off - 2 * pi * ca.floor((off + pi) / (2 * pi))
     d, P, _, step = _update(P, d, row, wrapped, weight * (said.is_own == 0))
     mean, P, turn = arc.retract(mean, P, d)
-    return mean, P, [*steps, step, turn]
+    swing = waves.swung(x, known, [said.place[i] for i in range(2)], body[2], swing, weight)
+    return mean, P, swing, [*steps, step, turn]
 
 
 def _range_updated(
-    p: Symbols, mean: Any, P: Any, said: pose.Packet, z: Any, weight: Any
+    p: Symbols, mean: Any, P: Any, said: pose.Packet, swing: Swing, z: Any, weight: Any
 ) -> tuple[Any, Any, Any, Any, list[Step]]:
     """Apply a range that may be late, along the arc and to second order.
 
@@ -280,6 +361,7 @@ def _range_updated(
     row = surroundings.range_(
         ca, p, _elements(mean), said.pose, [said.arm[i] for i in range(3)]
     )
+    row = waves.range_after(row, said.body[2], swing)
     bent = arc.bent(arc.about(mean, P), row)
     c, S = _gain(P, bent)
     innovation = z - bent.value
@@ -295,10 +377,10 @@ def _range_updated(
 
 
 def _output(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Values:
-    return outputs(p, x, x.mean, unpack(x.covariance, STATES), x.platform_down)
+    return outputs(p, x, x.mean, unpack(x.covariance, STATES), heave_of(x))
 
 
-def outputs(p: Symbols, x: Symbols, state: Any, P: Any, down: Any) -> Values:
+def outputs(p: Symbols, x: Symbols, state: Any, P: Any, heave: Heave) -> Values:
     """All outputs of an estimate.
 
     Parameters
@@ -306,8 +388,8 @@ def outputs(p: Symbols, x: Symbols, state: Any, P: Any, down: Any) -> Values:
     x
         Holds what `estimate.outputs` needs, ``mean`` for clock and speed of sound, and
         ``restarts``.
-    state, P, down
-        State and covariance of the estimate, and the reported depth of the platform [m].
+    state, P, heave
+        State and covariance of the estimate, and the platform's depth.
     """
     seen = arc.about(state, P)
     shift, more = arc.moments(seen, P)
@@ -316,14 +398,15 @@ def outputs(p: Symbols, x: Symbols, state: Any, P: Any, down: Any) -> Values:
     covariance = P[order, order]
     relative = ca.SX.zeros(3, 3)
     relative[:2, :2] = arc.relative(P) + more
-    deeper = P[:, 2] + P[:, VERTICAL_ERROR]
+    deeper = P[:, 2] + heave.share * P[:, VERTICAL_ERROR]
     crossing = deeper[list(POSITION[:2])] - deeper[list(PLATFORM)]
     relative[:2, 2], relative[2, :2] = crossing, crossing.T
-    relative[2, 2] = deeper[2] + deeper[VERTICAL_ERROR] + p.gps_vertical_std**2
+    relative[2, 2] = deeper[2] + heave.share * deeper[VERTICAL_ERROR] + heave.variance
     horizontal = [0, 2]
     mean[horizontal] += shift
     covariance[horizontal, horizontal] += more + p.gps_bias_std**2 * ca.SX.eye(2)
-    platform = ca.vertcat(state[list(PLATFORM)], down - state[VERTICAL_ERROR])
+    down = heave.down - heave.share * state[VERTICAL_ERROR]
+    platform = ca.vertcat(state[list(PLATFORM)], down)
     there = x.update_count > 0
     return {
         **estimate.outputs(x, mean, covariance),
