@@ -124,7 +124,7 @@ def _pose(p: Any, s: Any) -> Pose:
 
 
 def _down(m: Any, p: Any, s: Any) -> Measurement:
-    return waves.down(p, _of_platform(p, s), p.own_beacon, s.beacon)
+    return waves.down(m, p, _of_platform(p, s), p.own_beacon, s.beacon)
 
 
 def _place(axis: int, of_beacon: bool) -> Callable[[Any, Any, Any], Measurement]:

@@ -20,6 +20,7 @@ from .surroundings import (
     GPS_ERROR,
     HEADING,
     HEADING_ERROR,
+    LEAST_SOUNDING_STD,
     PLATFORM,
     VERTICAL_ERROR,
     Elements,
@@ -31,8 +32,6 @@ from .surroundings import (
 HEAVE, SWING = surroundings.STATES, (surroundings.STATES + 1, surroundings.STATES + 2)
 """h [m] and t [rad], after the states of `surroundings`."""
 STATES = surroundings.STATES + 3
-_LEAST_VARIANCE = 1e-12
-"""Smallest variance of a report [m²]: it may be exact, and so may the filter."""
 
 
 def decay(m: Any, std: Any, tau: Any, dt: Any) -> tuple[Any, Any]:
@@ -60,7 +59,7 @@ def transition(m: Any, p: Any, dt: Any) -> tuple[Elements, Elements]:
     return phi, Q
 
 
-def report_variance(p: Any, own: Any, body: Sequence[Any]) -> Any:
+def report_variance(m: Any, p: Any, own: Any, body: Sequence[Any]) -> Any:
     """Variance of the white noise of a reported depth of the reference point [m²].
 
     Parameters
@@ -71,14 +70,13 @@ def report_variance(p: Any, own: Any, body: Sequence[Any]) -> Any:
         Nominal position of that beacon in the body frame [m].
     """
     tilted = (body[0] ** 2 + body[1] ** 2) * (p.tilt_std**2 + p.imu_tilt_std**2)
-    return p.gps_vertical_std**2 + own * tilted
+    return m.fmax(p.gps_vertical_std, LEAST_SOUNDING_STD) ** 2 + own * tilted
 
 
-def down(p: Any, x: Sequence[Any], own: Any, body: Sequence[Any]) -> Measurement:
+def down(m: Any, p: Any, x: Sequence[Any], own: Any, body: Sequence[Any]) -> Measurement:
     """A reported depth of the reference point, with heave as a state."""
-    return Measurement(
-        x[HEAVE] + x[VERTICAL_ERROR], {HEAVE: 1, VERTICAL_ERROR: 1}, report_variance(p, own, body)
-    )
+    variance = report_variance(m, p, own, body)
+    return Measurement(x[HEAVE] + x[VERTICAL_ERROR], {HEAVE: 1, VERTICAL_ERROR: 1}, variance)
 
 
 def places(m: Any, p: Any, x: Sequence[Any], body: Sequence[Any]) -> tuple[Measurement, ...]:
@@ -140,7 +138,7 @@ def heave_later(m: Any, p: Any, heave: Heave, dt: Any, moved: Any, drift: Any) -
 
 def down_after(m: Any, p: Any, heave: Heave, own: Any, body: Sequence[Any]) -> Measurement:
     """A reported depth as a measurement of g_z, after all reports before it."""
-    variance = m.fmax(heave.variance + report_variance(p, own, body), _LEAST_VARIANCE)
+    variance = heave.variance + report_variance(m, p, own, body)
     return Measurement(heave.down, {VERTICAL_ERROR: 1 - heave.share}, variance)
 
 

@@ -133,7 +133,7 @@ def _parts(p: Any, samples: Samples, trajectory: Floats) -> Iterator[_Part]:
     fresh, pose = samples.has_own_pose, pose_of(p, samples)
     place, body = [v[fresh] for v in x], [v[fresh] for v in arm]
     own = pose.own[fresh]
-    yield part(4, node[fresh], waves.down(p, place, own, body), pose.down[fresh])
+    yield part(4, node[fresh], waves.down(np, p, place, own, body), pose.down[fresh])
     point = [own * v for v in body]
     for i, row in enumerate(waves.places(np, p, place, point)):
         yield part(1 + i, node[fresh], row, samples.position[fresh, i])

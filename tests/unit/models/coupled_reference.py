@@ -130,7 +130,7 @@ class Beside:
         return off - lever * self.at(x), H - lever * self.C, R + lever**2 * self.V
 
     def update(self, x: Array, off: Array, H: Array, lever: float, R: float) -> None:
-        gain = lever * self.V / max(lever**2 * self.V + R, 1e-12)
+        gain = lever * self.V / (lever**2 * self.V + R)
         at = self.at(x) + gain * (off - lever * self.at(x))
         self.C = self.C + gain * (H - lever * self.C)
         self.a = at + self.C @ x
@@ -357,16 +357,19 @@ class Reference:
         H = np.zeros((1, N))
         H[0, SINK] = 1
         off = self.down - H @ self.mean
-        R = np.array([self.p["gps_vertical_std"] ** 2 + variance])
+        R = np.array([max(self.p["gps_vertical_std"], 1e-3) ** 2 + variance])
         nu, across, S = self.heave.innovation(self.mean, off, H, 1.0, R)
-        S = max(S[0], 1e-12)
         slope, before = across[0, SINK], self.mean
         gain = np.zeros(N)
-        gain[SINK] = self.P[SINK, SINK] * slope / (slope**2 * self.P[SINK, SINK] + S)
-        self.mean = self.mean + gain * nu
-        rest = np.eye(N) - np.outer(gain, across[0])
-        self.P = rest @ self.P @ rest.T + S * np.outer(gain, gain)
+        gain[SINK] = self.P[SINK, SINK] * slope / (slope**2 * self.P[SINK, SINK] + S[0])
+        self.partly(gain, across[0], nu[0], S[0])
         self.heave.update(before, off, H, 1.0, R[0])
+
+    def partly(self, gain: Array, H: Array, nu: float, R: float) -> None:
+        """A scalar update with any gain."""
+        rest = np.eye(N) - np.outer(gain, H)
+        self.mean = self.mean + gain * nu
+        self.P = rest @ self.P @ rest.T + R * np.outer(gain, gain)
 
     def pose(self, position: Array, heading: float) -> None:
         """A reported position and heading: linear, so that one correction is all three."""

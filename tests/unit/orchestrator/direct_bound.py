@@ -131,14 +131,14 @@ def _rows(
     elif kind == "depth":
         found = [surroundings.depth(p, states)]
     elif kind == "pose":
-        found = [waves.down(p, states, 0.0, body), surroundings.heading(ca, p, states),
+        found = [waves.down(ca, p, states, 0.0, body), surroundings.heading(ca, p, states),
                  *waves.places(ca, p, states, (0.0, 0.0, 0.0))]
     else:
         variance = 0.0 if own else surroundings.tilt(p, 0.0)[1]
         roll, pitch = (0.0, 0.0) if own else (attitude[0], attitude[1])
         pose = surroundings.Pose(platform[2], roll, pitch, variance, float(own))
         said = waves.places(ca, p, states, body)
-        found = [*((waves.down(p, states, 1.0, body), *said) if own else ()),
+        found = [*((waves.down(ca, p, states, 1.0, body), *said) if own else ()),
                  waves.range_(ca, p, states, pose, body)]
     values, variances = (ca.vertcat(*(getattr(m, a) for m in found)) for a in ("value", "variance"))
     return ca.Function(
