@@ -122,19 +122,16 @@ def processed(p: Symbols, x: Symbols, u: Symbols) -> tuple[dict[str, Any], list[
     phi, noise = surroundings.transition(ca, p, epoch - x.epoch)
     mean, P, moved = _predicted(x, phi, noise)
     drift = surroundings.drift(p, phi, noise)
-    heave, swing = _waves_later(p, x, mean, epoch - x.epoch, drift)
-    before = pose.later(x, drift)
-    said = pose.read(p, u, s, chosen, newest, before)
+    beside = _waves_later(p, x, mean, epoch - x.epoch, drift)
+    said = pose.read(p, u, s, chosen, newest, pose.later(x, drift))
     mean, P, located = _located(mean, P, said, packet, x.located)
 
     depth_used = depth * using
     mean, P, depth_nis, sounded = _sounded(p, mean, P, s.z[DEPTH], depth_used)
-
     # Several packets of one epoch hold the same pose, errors included.
     fresh = packet * (1 - (oldest == x.pose_epoch) * (said.is_own == 0))
-    mean, P, heave, sunk = _floated(p, mean, P, heave, said, fresh)
-    mean, P, swing, posed = _platform_updated(p, mean, P, swing, said, fresh * located)
-    said = _swung(said, mean, swing)
+    mean, P, heave, sunk = _floated(p, mean, P, beside[0], said, fresh)
+    mean, P, swing, posed = _platform_updated(p, mean, P, beside[1], said, fresh * located)
     ranged = packet * located * using
     mean, P, share, range_nis, heard = _range_updated(p, mean, P, said, swing, z, ranged)
 
@@ -144,7 +141,7 @@ def processed(p: Symbols, x: Symbols, u: Symbols) -> tuple[dict[str, Any], list[
     wrong = ca.fmax(score > lateness.LIMIT, too_fast) * using * known
     first = (x.ready == 0) * known * (ca.sum1(s.new) <= packet + depth)
     anew = ca.fmax(first, wrong)
-    arm = _turned_arm(said)
+    arm = ca.repmat(_turned_arm(said).T, s.count, 1)
     changed = {
         "ready": x.ready + first,
         "update_count": x.update_count + first,
@@ -156,7 +153,7 @@ def processed(p: Symbols, x: Symbols, u: Symbols) -> tuple[dict[str, Any], list[
         "pose_epoch": ca.if_else(packet, oldest, x.pose_epoch),
         "platform_down": ca.if_else(packet, said.pose.down, x.platform_down),
         **_states_of(heave, swing),
-        "arm": ca.if_else(ca.repmat(chosen, 1, 3), ca.repmat(arm.T, s.count, 1), x.arm),
+        "arm": ca.if_else(ca.repmat(chosen, 1, 3), arm, x.arm),
         **said.own.states,
         "score": ca.if_else(wrong, 0, score),
         "restarts": x.restarts + wrong,
@@ -316,15 +313,6 @@ def _floated(
     return mean, P, waves.heaved(heave, row, z, weight), Map({(n, n): kept})
 
 
-def _swung(said: pose.Packet, mean: Any, swing: Swing) -> pose.Packet:
-    """The packet with what tilt does to its beacon, if it holds that beacon's position alone."""
-    lever = said.body[2]
-    moved = tuple(lever * tilt for tilt in swing.at(_elements(mean)))
-    return replace(
-        said, pose=replace(said.pose, swing=moved, swing_variance=lever**2 * swing.variance)
-    )
-
-
 def _platform_updated(
     p: Symbols, mean: Any, P: Any, swing: Swing, said: pose.Packet, weight: Any
 ) -> tuple[Any, Any, Swing, list[Step]]:
@@ -358,10 +346,13 @@ def _range_updated(
     mean, P, share, nis, steps
         ``share`` is the probability that the range is not late.
     """
-    row = surroundings.range_(
-        ca, p, _elements(mean), said.pose, [said.arm[i] for i in range(3)]
+    x, lever = _elements(mean), said.body[2]
+    moved = replace(
+        said.pose, swing=tuple(lever * tilt for tilt in swing.at(x)),
+        swing_variance=lever**2 * swing.variance,
     )
-    row = waves.range_after(row, said.body[2], swing)
+    row = surroundings.range_(ca, p, x, moved, [said.arm[i] for i in range(3)])
+    row = waves.range_after(row, lever, swing)
     bent = arc.bent(arc.about(mean, P), row)
     c, S = _gain(P, bent)
     innovation = z - bent.value
