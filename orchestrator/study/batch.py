@@ -31,6 +31,7 @@ from ..simulation.plans.plan import Plan
 from ..simulation.system import System
 from . import stand_in
 from .campaign import Campaign, Run
+from .garbage import all_kept
 from .groups import Group, Point
 from .stand_in import StandIn
 
@@ -63,7 +64,7 @@ def simulate(
     rows_of: dict[int, list[int]] = {}
     for row, run in enumerate(runs):
         rows_of.setdefault(numbers[run.place], []).append(row)
-    with unchanged.assumed():
+    with unchanged.assumed(), all_kept():
         for number, rows in sorted(rows_of.items()):
             group = campaign.groups[number]
             mine = [runs[i] for i in rows]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import hashlib
 import json
 import math
@@ -44,6 +43,7 @@ from ..simulation.plans.alike import alike
 from ..simulation.plans.plan import Plan, PlannedComponent
 from ..simulation.system import ComponentSpec, Connection, Likeness, System
 from .definition import Definition
+from .garbage import uncollected
 from .groups import Group, Point, grouped
 from .stand_in import StandIn
 
@@ -173,20 +173,8 @@ def prepare(study: Definition, how: How = HOW) -> Campaign:
     if study.model is not None:
         return _of_function(study, study.model, how.step_timeout)
     check_patience(how.step_timeout)
-    with about(study.__dict__.get("_file", "")), _uncollected():
+    with about(study.__dict__.get("_file", "")), uncollected():
         return _prepared(study, how)
-
-
-@contextmanager
-def _uncollected() -> Iterator[None]:
-    """Without searches for unused cycles: each would visit all points, which are kept."""
-    was = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was:
-            gc.enable()
 
 
 def _prepared(study: Definition, how: How) -> Campaign:

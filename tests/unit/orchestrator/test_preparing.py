@@ -22,10 +22,10 @@ from sblcosim.fmus.read.ports import Port
 from sblcosim.models import COMPONENTS
 from sblcosim.scenario import wiring
 from sblcosim.scenario.scenario import load as load_scenario
-from sblcosim.simulation.how import How
+from sblcosim.simulation.how import HOW, How
 from sblcosim.simulation.plans.settings import settings_of
 from sblcosim.simulation.system import ComponentSpec
-from sblcosim.study import campaign, load, runner
+from sblcosim.study import batch, campaign, load, runner
 from sblcosim.study.batch import Run
 from seams import Seam
 
@@ -314,3 +314,26 @@ def test_what_is_missing_is_sampled_without_looking_at_what_is_there(
         wanted = [of_each_group(size) for size in sizes] if missing else []
         assert simulated == [*wanted, *wanted[-1:] * (runner.SAMPLES - 1)]
         assert len(asked) == sum(map(len, wanted))
+
+
+def test_passes_of_the_collector_skip_what_a_study_keeps(seam: Seam) -> None:
+    frozen: list[int] = []
+
+    def counting(*_: Any, **__: Any) -> Any:
+        frozen.append(gc.get_freeze_count())
+        raise RuntimeError
+
+    study = load("paper-scenario-1").with_replicates(1)
+    made = campaign.prepare(study)
+    seam.instead(batch.reduced, counting)
+    with pytest.raises(RuntimeError):
+        batch.simulate(made, campaign.batch(made, 1, 1), HOW)
+    assert frozen[0] > len(made.points)
+    assert gc.get_freeze_count() == 0
+    gc.freeze()  # by somebody else, who wants it kept
+    try:
+        with pytest.raises(RuntimeError):
+            batch.simulate(made, campaign.batch(made, 1, 1), HOW)
+        assert gc.get_freeze_count() > 1000
+    finally:
+        gc.unfreeze()
