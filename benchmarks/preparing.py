@@ -14,9 +14,9 @@ paper-scenario-1  2.8             0.36           0.12 (0.12-0.16)
 ranges-1          4.2             0.52           0.12 (five pairs)
 ================  ==============  =============  =================
 
-All simulations of ``sblcosim paper``, in one thread: 39.8 and 10.8 s of processor time (median of
-three, 0.27), of which 30.7 and 3.9 s are before the first step, and most of the rest is in the
-steps themselves.
+All simulations of ``sblcosim paper``, in one thread: 50.1 to 58.4 and 12.0 to 12.4 s of processor
+time (0.21 to 0.24, three pairs beside other work). About a third is before the first step, and most
+of the rest is in the steps themselves.
 """
 
 from __future__ import annotations
