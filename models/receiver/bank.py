@@ -57,6 +57,12 @@ def begun(p: Symbols) -> Any:
     return ca.if_else(learned(p), ca.SX(equal), ca.SX(alone))
 
 
+def begun_of(p: Symbols, x: Symbols) -> Any:
+    """Weight of a row at a start."""
+    weights = begun(p)
+    return weights[0] * (x.row == 0) + weights[1] * (x.row > 0) * (x.row < MODELS)
+
+
 def row_of(x: Symbols, row: int) -> Symbols:
     """The states as a loop over the filters sees them in one of the rows."""
     own = {name: getattr(x, name)[row, :].T for name in STATES}
@@ -105,9 +111,9 @@ def normalised(x: Symbols) -> Any:
     return ca.vertcat(x.weight[:MODELS] / total(x), x.weight[EXTRA])
 
 
-def mixture(x: Symbols, chosen: Sequence[int], n: int) -> tuple[Any, Any]:
-    """Mean of all n states, and covariance of the chosen ones, over the weighted filters."""
-    places = _places(n)
+def mixture(x: Symbols, chosen: Sequence[int]) -> tuple[Any, Any]:
+    """Mean of all states, and covariance of the chosen ones, over the weighted filters."""
+    places = _places(x.mean.shape[1])
     mean = sum(x.weight[k] * x.mean[k, :].T for k in range(MODELS))
     off = [x.mean[k, :].T - mean for k in range(MODELS)]
     P = ca.SX.zeros(len(chosen), len(chosen))
@@ -126,8 +132,9 @@ def _places(n: int) -> dict[tuple[int, int], int]:
     return {pair: place for place, pair in enumerate(pairs)}
 
 
-def estimate(p: Symbols, x: Symbols, row: int, kept: Sequence[int], n: int) -> tuple[Any, Any]:
+def estimate(p: Symbols, x: Symbols, row: int, kept: Sequence[int]) -> tuple[Any, Any]:
     """Mean, and covariance of the kept states: of one row, or of the mixture if q is learned."""
+    n = x.mean.shape[1]
     own = unpack(x.covariance[row, :].T, n)[list(kept), list(kept)]
     all_of_them = x.shown
     P = ca.SX.zeros(n, n)
@@ -137,7 +144,7 @@ def estimate(p: Symbols, x: Symbols, row: int, kept: Sequence[int], n: int) -> t
     return ca.if_else(learned(p), all_of_them[:n], x.mean[row, :].T), P
 
 
-def loops(kept: Sequence[int], n: int) -> tuple[Loop, ...]:
+def loops(kept: Sequence[int]) -> tuple[Loop, ...]:
     """What happens after all samples of a tick: the mixture, and now and then the mixing.
 
     Parameters
@@ -147,7 +154,7 @@ def loops(kept: Sequence[int], n: int) -> tuple[Loop, ...]:
     """
 
     def show(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
-        mean, P = mixture(x, kept, n)
+        mean, P = mixture(x, kept)
         return {
             **({"shown": ca.vertcat(mean, pack(P))} if kept else {}),
             "shown_epoch": x.epoch,
@@ -155,7 +162,7 @@ def loops(kept: Sequence[int], n: int) -> tuple[Loop, ...]:
         }
 
     def average(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
-        mean, P = mixture(x, range(n), n)
+        mean, P = mixture(x, range(x.mean.shape[1]))
         return {
             "average": ca.vertcat(mean, pack(P)),
             "stay": ca.exp(-(x.epoch - x.mixed) / MEMORY),
@@ -167,6 +174,7 @@ def loops(kept: Sequence[int], n: int) -> tuple[Loop, ...]:
         # Of what comes to this q, the share `own` had it before; all others have equal chances.
         weight = x.stay * x.weight + (1 - x.stay) / MODELS
         own = x.stay * x.weight / weight
+        n = x.mean.numel()
         mean, P = x.average[:n], x.average[n:]
         off = x.mean - mean
         return {

@@ -422,7 +422,7 @@ def _range_updated(
 
 
 def _output(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Values:
-    mean, P = bank.estimate(p, x, 0, KEPT, STATES)
+    mean, P = bank.estimate(p, x, 0, KEPT)
     return outputs(p, x, mean, P, x.platform_down)
 
 
@@ -473,6 +473,6 @@ EQUATIONS = Equations(
             Loop("settle", lambda p, x, u, t: pending(x), _settle),
         )),
         *start.anew(0),
-        *bank.loops(KEPT, STATES),
+        *bank.loops(KEPT),
     ),
 )

@@ -41,9 +41,18 @@ def _error_stds(p: Any) -> tuple[Any, Any, Any]:
     return p.beacon_error_std, p.beacon_error_std, p.beacon_vertical_error_std
 
 
-def transition(m: Any, p: Any, dt: Any) -> tuple[dict[tuple[int, int], Any], ...]:
-    """Φ without its ones, and the upper triangle of Q, over ``dt`` [s], by row and column."""
-    phi, Q = white_acceleration(p.acceleration_psd, dt, POSITION, VELOCITY)
+def transition(
+    m: Any, p: Any, dt: Any, psd: Any = None
+) -> tuple[dict[tuple[int, int], Any], ...]:
+    """Φ without its ones, and the upper triangle of Q, over ``dt`` [s], by row and column.
+
+    Parameters
+    ----------
+    psd
+        Density of the diver's acceleration [m²/s³]; None: that of the parameters.
+    """
+    psd = p.acceleration_psd if psd is None else psd
+    phi, Q = white_acceleration(psd, dt, POSITION, VELOCITY)
     Q[CLOCK, CLOCK] = p.clock_walk_psd * dt
     decay = m.exp(-dt / p.beacon_error_time)
     for beacon in range(p.beacons):

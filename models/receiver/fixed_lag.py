@@ -190,7 +190,7 @@ EQUATIONS = Equations(
             ),
         ),
         *start.anew(bank.EXTRA),
-        *bank.loops((), STATES),
+        *bank.loops(()),
         Loop("give", lambda p, x, u, t: ca.mmax(_ripe(p, x, t)), _give),
     ),
 )

@@ -5,13 +5,14 @@ Every sample is used once, at its own epoch. Ranges may be late. A filter that i
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
 
 from ..declaration import number_of
 from ..equations import Equations, Loop, Symbols, Values
-from . import estimate, field, lateness, least_squares, measurements, turn
+from . import bank, estimate, field, lateness, least_squares, measurements, turn
 from .estimate import pack, unpack
 from .field import CLOCK, POSITION, SPEED, VELOCITY
 from .least_squares import symmetric
@@ -23,6 +24,8 @@ from .variables import INITIALISATION
 _PRIOR = number_of(INITIALISATION, "prior")
 _MOVED = 0.1
 """A beacon that has moved by more than this fraction of its distance has been relocated."""
+KEPT = tuple(range(estimate.STATES))
+"""The states whose covariance is output: position and velocity."""
 
 
 def _unknown(p: Symbols) -> Any:
@@ -45,16 +48,18 @@ def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
         **measurements.initial(p, t),
         **estimate.initial(t),
         "ready": p.initialisation == _PRIOR,
-        "mean": mean,
-        "covariance": pack(ca.diag(variances)),
+        **bank.initial(p, mean, ca.diag(variances), t, len(KEPT)),
         "anchor": ca.SX.zeros(p.beacons, 3),
+        "sample": ca.SX.zeros(_SAMPLE + p.beacons),
+        "heard": ca.SX.zeros(bank.ROWS, 3),
         "score": 0,
-        "doubt": 0,
-        "ranged": t,
-        "pause": 0,
+        **turn.initial(t),
         "restarts": 0,
         "passes": 0,
         "damping": 0,
+        "fix": ca.SX.zeros(3),
+        "spread": ca.SX.zeros(6),
+        "beginning": 0,
     }
 
 
@@ -82,14 +87,40 @@ def _unprocessed(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Any:
     return x.ready * (x.passes == 0) * _samples(x, u).any_new
 
 
-def _process(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
-    """The oldest sample; of equal epochs the depth, so that ranges are linearised better."""
+_SAMPLE = 10
+"""Numbers of a sample besides its beacon: `_sample`."""
+
+
+def _sample(x: Symbols) -> SimpleNamespace:
+    """The sample at hand.
+
+    Attributes
+    ----------
+    pending
+        Whether the filters have not used it yet.
+    is_depth, z
+        Whether it is a reading of the depth sensor or a range, and its value [m].
+    pause
+        Time since the sample before [s].
+    known, about, which
+        Reported position of the beacon of a range, the position at which to take derivatives
+        [m], each a list, and which of the beacons it is, (N, 1).
+    """
+    v = x.sample
+    return SimpleNamespace(
+        pending=v[0], is_depth=v[1], z=v[2], pause=v[3], known=[v[4], v[5], v[6]],
+        about=[v[7], v[8], v[9]], which=v[_SAMPLE:],
+    )
+
+
+def _read(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
+    """Take the oldest sample; of equal epochs the depth, so that ranges are linearised better."""
     s = _samples(x, u)
     n = s.count
     pending = [ca.if_else(s.new[i], s.epoch[i], s.newest + 1) for i in range(n + 1)]
     oldest = ca.mmin(ca.vertcat(*pending))
     is_depth = pending[DEPTH] <= oldest
-    which, taken, z, known = [], is_depth, ca.SX(0), ca.SX.zeros(1, 3)
+    which, taken, z, known = [], is_depth, s.z[DEPTH], ca.SX.zeros(1, 3)
     for i in range(n):
         this = (pending[i] <= oldest) * (taken == 0)
         which.append(this)
@@ -97,54 +128,82 @@ def _process(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
         z = ca.if_else(this, s.z[i], z)
         known = ca.if_else(this, s.beacons[i, :], known)
     epoch = ca.fmax(oldest, x.epoch)
-    phi, noise = field.transition(ca, p, epoch - x.epoch)
-    mean, P = _predicted(x, phi, noise, field.states(n))
-    elements = [mean[i] for i in range(field.states(n))]
-    about = _anchored(x, which, known, mean)
-    row = _either(is_depth, field.depth(p, elements), field.range_(
-        ca, p, elements, [known[i] for i in range(3)], which, [about[i] for i in range(3)]
+    pause = epoch - x.epoch
+    first = x.mean[0, :]
+    place = first[list(POSITION)] + pause * first[list(VELOCITY)]
+    about = _anchored(x, which, known, place)
+    return {
+        "epoch": epoch,
+        "sample": ca.vertcat(1, is_depth, z, pause, known.T, about.T, *which),
+        "anchor": ca.vertcat(*(
+            ca.if_else(this, about, x.anchor[i, :]) for i, this in enumerate(which)
+        )),
+    }
+
+
+def _pending(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Any:
+    """Whether a row processes the sample."""
+    return _sample(x).pending * ca.fmax(x.row == 0, bank.learned(p) * (x.row < bank.MODELS))
+
+
+def _filter(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
+    """Process the sample with one filter of the bank."""
+    s, n = _sample(x), field.states(p.beacons)
+    phi, noise = field.transition(ca, p, s.pause, bank.psd(p, x))
+    mean, P = _predicted(x, phi, noise, n)
+    elements = [mean[i] for i in range(n)]
+    row = _either(s.is_depth, field.depth(p, elements), field.range_(
+        ca, p, elements, s.known, [s.which[i] for i in range(p.beacons)], s.about
     ))
-    H = ca.SX(field.states(n), 1)
+    H = ca.SX(n, 1)
     for i, value in row.row.items():
         H[i] = value
     c = P @ H
     S = ca.fmax(ca.dot(H, c), 0) + row.variance
-    innovation = ca.if_else(is_depth, s.z[DEPTH], z) - row.value
+    innovation = s.z - row.value
     punctual, other = lateness.densities(p, innovation, S)
-    share = ca.if_else(is_depth, 1, punctual / (punctual + other))
-    turned = turn.told(p, x, epoch, innovation, S, punctual + other)
-    begins = turned.begins * (is_depth == 0)
-    # A range that is too short is not late: a filter that knows of the turn reads it again.
-    again = begins * (innovation < 0)
-    short = (1 - share) * (innovation < 0) * (begins == 0)
-    score = lateness.score(p, x.score, share, short, is_depth == 0)
-    anew = (score > lateness.LIMIT) * s.enough * (begins == 0)
+    density = punctual + other
+    share = ca.if_else(s.is_depth, 1, punctual / density)
+    # A filter that learns how the diver moves needs no score of turns.
+    turned = turn.told(p, x, innovation, S, density, (s.is_depth == 0) * (bank.learned(p) == 0))
     K = c / S
-    used = (again == 0) * share
+    used = (turned.again == 0) * share
     P += used * ((1 - share) * innovation**2 - S) * (K @ K.T)
-    P = turn.widened(p, P, turned, begins, POSITION, VELOCITY)
-    done = ca.fmax(ca.vertcat(*which, is_depth) * (again == 0), anew)
+    P = turn.widened(p, P, turned, POSITION, VELOCITY)
     return {
-        "seen": ca.if_else(done, s.mark, x.seen),
-        "epoch": ca.if_else(anew, s.newest, epoch),
         "mean": mean + used * innovation * K,
         "covariance": pack(symmetric(P)),
-        "anchor": ca.vertcat(*(
-            ca.if_else(this, about, x.anchor[i, :]) for i, this in enumerate(which)
-        )),
+        "weight": bank.weighed(x, density, s.is_depth == 0),
+        "heard": ca.vertcat(share, (1 - share) * (innovation < 0), used * innovation**2 / S),
+        **turned.states,
+    }
+
+
+def _settle(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
+    """What the sample means for all filters: weights, doubts, a restart."""
+    s, sample = _samples(x, u), _sample(x)
+    weight, begins = bank.normalised(x), x.begins
+    share, short, nis = ca.vertsplit((weight[: bank.MODELS].T @ x.heard[: bank.MODELS, :]).T)
+    # A range that is too short is not late: a filter that knows of the turn reads it again.
+    score = lateness.score(p, x.score, share, short * (begins == 0), sample.is_depth == 0)
+    anew = (score > lateness.LIMIT) * s.enough * (begins == 0)
+    done = ca.fmax(ca.vertcat(sample.which, sample.is_depth) * (x.again == 0), anew)
+    return {
+        "sample": ca.vertcat(0, x.sample[1:]),
+        "seen": ca.if_else(done, s.mark, x.seen),
+        "epoch": ca.if_else(anew, s.newest, x.epoch),
+        "weight": weight,
         "score": ca.if_else(ca.fmax(anew, begins), 0, score),
-        "doubt": ca.if_else(is_depth, x.doubt, ca.if_else(anew, 0, turned.doubt)),
-        "ranged": ca.if_else(ca.fmax(is_depth, again), x.ranged, epoch),
-        "pause": ca.if_else(is_depth, x.pause, turned.pause),
+        "doubt": ca.if_else(anew, 0, x.doubt),
         "restarts": x.restarts + anew,
-        "nis": x.nis + used * innovation**2 / S,
-        "nis_degrees": x.nis_degrees + (used > 0.5),
+        "nis": x.nis + nis,
+        "nis_degrees": x.nis_degrees + (x.again == 0) * (share > 0.5),
         "passes": ca.if_else(anew, least_squares.PASSES, x.passes),
         "damping": ca.if_else(anew, least_squares.FIRST_DAMPING, x.damping),
     }
 
 
-def _anchored(x: Symbols, which: Any, known: Any, mean: Any) -> Any:
+def _anchored(x: Symbols, which: Any, known: Any, place: Any) -> Any:
     """Reported position of a beacon, first or, if relocated, current: derivatives are taken there.
 
     Derivatives at a changing estimate would make the filter believe that it observes rotation and
@@ -152,7 +211,7 @@ def _anchored(x: Symbols, which: Any, known: Any, mean: Any) -> Any:
     Huang, A. I. Mourikis, S. I. Roumeliotis, Int. J. Robot. Res. 29, 2010, 502-528).
     """
     first = sum(this * x.anchor[i, :] for i, this in enumerate(which))
-    distance = ca.sumsqr(mean[list(POSITION)].T - known)
+    distance = ca.sumsqr(place - known)
     moved = ca.sumsqr(known - first) > _MOVED**2 * distance
     return ca.if_else(ca.fmax(ca.sumsqr(first) == 0, moved), known, first)
 
@@ -182,10 +241,7 @@ def _anew(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     keep their priors.
     """
     s = _samples(x, u)
-    place = list(POSITION)
-    position = ca.if_else(
-        x.passes == least_squares.PASSES, least_squares.closed_form(s), x.mean[place]
-    )
+    position = ca.if_else(x.passes == least_squares.PASSES, least_squares.closed_form(s), x.fix)
     length = ca.vertcat(*(
         measurements.distance(position, s.beacons[i, :])[0] for i in range(s.count)
     ))
@@ -196,24 +252,43 @@ def _anew(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     weight = least_squares.weights(s, ca.vertcat(ranges, depths) + motion**2)
     result = least_squares.improve(position, x.damping, s, weight)
     doubt = ca.fmax(result.cost / ca.fmax(least_squares.degrees(s), 1), 1)
+    last = ca.fmax(result.done, x.passes == 1)
+    return {
+        "fix": result.position,
+        "spread": pack(doubt * least_squares.inverse(result.information)),
+        "beginning": last,
+        "damping": result.damping,
+        "passes": ca.if_else(last, 0, x.passes - 1),
+    }
+
+
+def _begins(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Any:
+    return x.beginning
+
+
+def _begin(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
+    """Let a filter of the bank begin at the fix."""
+    place = list(POSITION)
     mean, P = ca.SX.zeros(field.states(p.beacons)), ca.diag(_unknown(p))
-    mean[place] = result.position
-    P[place, place] = doubt * least_squares.inverse(result.information)
+    mean[place] = x.fix
+    P[place, place] = unpack(x.spread, 3)
     return {
         "mean": mean,
         "covariance": pack(P),
-        "damping": result.damping,
-        "passes": ca.if_else(result.done, 0, x.passes - 1),
+        "weight": bank.begun_of(p, x),
+        "beginning": x.row < bank.ROWS - 1,
+        "mixed": x.epoch,
         "nis": 0,
         "nis_degrees": 0,
     }
 
 
 def _output(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Values:
-    P = unpack(x.covariance, field.states(p.beacons))
+    mean, P = bank.estimate(p, x, 0, KEPT)
     return {
-        **estimate.outputs(x, x.mean[: estimate.STATES], P[: estimate.STATES, : estimate.STATES]),
-        **estimate.of_clock(p, x, x.mean[CLOCK], x.mean[SPEED]),
+        **estimate.outputs(x, mean[: estimate.STATES], P[: estimate.STATES, : estimate.STATES]),
+        **estimate.of_clock(p, x, mean[CLOCK], mean[SPEED]),
+        "motion_psd": ca.if_else(bank.learned(p), x.believed, p.acceleration_psd),
     }
 
 
@@ -222,7 +297,12 @@ EQUATIONS = Equations(
     tick=_tick,
     output=_output,
     iterate=(
-        Loop("process", _unprocessed, _process),
+        Loop("process", _unprocessed, _read, inner=(
+            Loop("filter", _pending, _filter, each=(*bank.STATES, "heard")),
+            Loop("settle", lambda p, x, u, t: _sample(x).pending, _settle),
+        )),
         Loop("anew", lambda p, x, u, t: x.passes, _anew),
+        Loop("begin", _begins, _begin, each=bank.STATES),
+        *bank.loops(KEPT),
     ),
 )

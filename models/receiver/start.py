@@ -83,8 +83,7 @@ def anew(row: int) -> tuple[Loop, Loop]:
         return {
             "mean": ca.if_else(taken, x.every.mean[other, :].T, mean),
             "covariance": ca.if_else(taken, x.every.covariance[other, :].T, covariance),
-            "weight": bank.begun(p)[0] * (x.row == 0)
-            + bank.begun(p)[1] * (x.row > 0) * (x.row < bank.MODELS),
+            "weight": bank.begun_of(p, x),
             "beginning": ca.if_else(x.row == bank.ROWS - 1, 0, x.beginning),
             "mixed": ca.if_else(x.beginning == CHALLENGER, x.mixed, x.epoch),
             "challenged": ca.if_else(anew, x.epoch, x.challenged),

@@ -121,7 +121,8 @@ def harboured(changes: Mapping[str, Any], runs: int = 200) -> tuple[float, float
 
 @pytest.mark.parametrize("changes", [
     {}, {"acoustics.schedule": "simultaneous"}, {"acoustics.outlier_probability": 0.2},
-], ids=["shipped", "simultaneous", "more outliers"])
+    {"receiver.acceleration_psd_m2_s3": "learned"},
+], ids=["shipped", "simultaneous", "more outliers", "learned"])
 def test_better_ranges_are_never_worse(changes: Mapping[str, Any]) -> None:
     """With narrow noise the turns of a lane are most of what does not fit: they are no outliers."""
     found = [harboured({**changes, "acoustics.range_std_m": std})

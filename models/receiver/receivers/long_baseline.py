@@ -5,7 +5,7 @@ from __future__ import annotations
 from ...declaration import not_zero, parameter
 from ...ports import SYSTEM, terminal
 from ..receiver import ReceiverDeclaration
-from ..variables import CHANNEL, PSD, START, receiver
+from ..variables import CHANNEL, MOTION, START, receiver
 
 _FIELD = (
     parameter("beacon_error_std", "Standard deviation of each beacon's own lasting error, north "
@@ -21,13 +21,13 @@ _FIELD = (
               min=0.0),
 )
 _OF_FIELD = tuple(
-    v for v in SYSTEM if v.name in ("clock_offset", "sound_speed", "restart_count")
+    v for v in SYSTEM if v.name in ("clock_offset", "sound_speed", "restart_count", "motion_psd")
 )
 
 COMPONENT = receiver(
     "LongBaseline", 10,
     "A Kalman filter of the diver, the clock, and the error of each of several distant beacons",
-    (*START, PSD, *CHANNEL, *_FIELD),
+    (*START, MOTION, *CHANNEL, *_FIELD),
     outputs=_OF_FIELD,
     terminals=(terminal("system", "system", "Newest estimate of the clock", _OF_FIELD),),
 )

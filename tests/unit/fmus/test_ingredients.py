@@ -163,7 +163,7 @@ def test_the_bound_is_known_by_its_equations_and_its_c(tree: Path) -> None:
         ("receivers/coupled", '"each beacon has', '"each of the beacons has', set()),
         ("variables", '"Form of Q;', '"The form of Q;', FILTERS),
         ("variables", '_PSD, "m2/s3", start=0.01, min=0.0', '_PSD, "m2/s3", start=0.02, min=0.0',
-         FILTERS | {"long_baseline"}),
+         FILTERS),
         ("variables", '{1: "variance", 2: "literal"}', '{1: "variances", 2: "literal"}',
          set(RECEIVERS)),
         ("receivers/multilateration", '"Multilateration", 6,', '"Multilateration", 99,',

@@ -6,7 +6,7 @@ squares by SciPy. Nothing is taken from the component.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -112,37 +112,53 @@ class Reference:
         H[[X[2], BIAS]] = 1
         self.learn(H, z - H @ self.mean, max(self.p["depth_std"], 1e-3) ** 2)
 
+    def about(self, known: Array, i: int) -> Array:
+        """Where derivatives of the ranges of a beacon are taken."""
+        first = self.anchor.get(i, known)
+        moved = length(known - first) > 0.1 * length(self.mean[X] - known)
+        self.anchor[i] = known if moved or not first.any() else first
+        return self.anchor[i]
+
+    def measured(self, z: float, known: Array, i: int, about: Array) -> tuple[Array, float, float]:
+        """Row, innovation and noise of a range."""
+        p, e = self.p, slice(FIRST + 3 * i, FIRST + 3 * i + 3)
+
+        def at_anchor(x: Any) -> Any:
+            """The range whose derivatives are taken; κ and the length as they are there."""
+            return (1 + x[KAPPA]) * length(x[X] - about - (x[e] - self.mean[e])) + x[BETA]
+
+        steps = self.mean + 1e-30j * np.eye(self.n)
+        H = np.array([np.imag(at_anchor(step)) / 1e-30 for step in steps])
+        R = max(p["range_std"], 1e-3) ** 2
+        R += (H[X[0]] ** 2 + H[X[1]] ** 2) * p["beacon_noise_std"] ** 2
+        R += H[X[2]] ** 2 * p["beacon_vertical_noise_std"] ** 2
+        x = self.mean
+        h = (1 + x[KAPPA]) * length(x[X] - known - x[e]) + x[BETA]
+        return H, z - h, R
+
+    def densities(self, innovation: float, root: float) -> tuple[float, float]:
+        """Of an innovation with this standard deviation: of a punctual range, and of others."""
+        p, m = self.p, self.p["outlier_mean"]
+        punctual = (1 - p["outlier_probability"]) * norm.pdf(innovation, scale=root)
+        late = WRONG
+        if p["outlier_probability"]:
+            late += p["outlier_probability"] * exponnorm.pdf(innovation, m / root, scale=root)
+        return float(punctual), float(late)
+
+    def scored(self, share: float, short: float) -> float:
+        """The score after a range."""
+        evidence = np.log(0.9) - np.log(max(self.p["outlier_probability"], 0.01))
+        return float(max(self.score + (1 - share) * evidence - 1.1 * share + 8 * short, 0.0))
+
     def hear(self, u: Mapping[str, Any], i: int, epoch: float, enough: bool) -> bool:
         """One range; whether the filter starts anew."""
         self.advance(epoch)
         p, known = self.p, u["ping_beacon_position"][i]
-        e = slice(FIRST + 3 * i, FIRST + 3 * i + 3)
-        first = self.anchor.get(i, known)
-        moved = length(known - first) > 0.1 * length(self.mean[X] - known)
-        about = known if moved or not first.any() else first
-        z = u["range"][i]
+        about = self.about(known, i)
         while True:
-            def h(x: Any) -> Any:
-                return (1 + x[KAPPA]) * length(x[X] - known - x[e]) + x[BETA]
-
-            def at_anchor(x: Any) -> Any:
-                """The range whose derivatives are taken; κ and the length as they are there."""
-                return (1 + x[KAPPA]) * length(x[X] - about - (x[e] - self.mean[e])) + x[BETA]
-
-            steps = self.mean + 1e-30j * np.eye(self.n)
-            H = np.array([np.imag(at_anchor(step)) / 1e-30 for step in steps])
-            u_ = H[X]
-            R = max(p["range_std"], 1e-3) ** 2
-            R += (u_[0] ** 2 + u_[1] ** 2) * p["beacon_noise_std"] ** 2
-            R += u_[2] ** 2 * p["beacon_vertical_noise_std"] ** 2
-            innovation = z - h(self.mean)
+            H, innovation, R = self.measured(u["range"][i], known, i, about)
             S = H @ self.P @ H + R
-            root = np.sqrt(S)
-            punctual = (1 - p["outlier_probability"]) * norm.pdf(innovation, scale=root)
-            late = WRONG
-            if p["outlier_probability"]:
-                m = p["outlier_mean"]
-                late += p["outlier_probability"] * exponnorm.pdf(innovation, m / root, scale=root)
+            punctual, late = self.densities(innovation, np.sqrt(S))
             share = punctual / (punctual + late)
             pause = epoch - self.ranged if epoch > self.ranged else self.pause
             since = 3 * pause
@@ -150,12 +166,9 @@ class Reference:
             turned = (1 - p["outlier_probability"]) * norm.pdf(innovation, scale=wider)
             doubt = max(self.doubt + np.log(turned / (punctual + late)), 0.0)
             begins = doubt > 9
-            evidence = np.log(0.9) - np.log(max(p["outlier_probability"], 0.01))
-            short = (1 - share) * (innovation < 0) * (not begins)
-            score = max(self.score + (1 - share) * evidence - 1.1 * share + 8 * short, 0.0)
+            score = self.scored(share, (1 - share) * (innovation < 0) * (not begins))
             anew = score > 12 and enough and not begins
             again = begins and innovation < 0
-            self.anchor[i] = about
             if not again:
                 self.learn(H, innovation, R, share)
             self.turns += begins
@@ -169,11 +182,15 @@ class Reference:
             if not again:
                 self.ranged = epoch
             if anew:
-                self.restarts += 1
-                self.fix(u)
-                self.nis, self.degrees = 0.0, 0
+                self.anew(u)
             if not again:
                 return bool(anew)
+
+    def anew(self, u: Mapping[str, Any]) -> None:
+        """Start again."""
+        self.restarts += 1
+        self.fix(u)
+        self.nis, self.degrees = 0.0, 0
 
     def fix(self, u: Mapping[str, Any]) -> None:
         """Start from the latest receptions alone; what is common to ranges is their noise."""
@@ -222,3 +239,94 @@ class Reference:
             "position": self.mean[X], "velocity": self.mean[V], "covariance": self.P[:6, :6],
             "nis": self.nis, "nis_degrees": self.degrees, "restart_count": self.restarts,
         }
+
+
+class Learning(Reference):
+    """Filters with a density of the acceleration each, as an interacting multiple model.
+
+    In the form of the textbooks: probabilities of the transitions between the filters, and for each
+    filter a mixture of all. It knows of no turns. What a range says of all filters is the mean with
+    the weights after the range.
+    """
+
+    def __init__(
+        self, p: Mapping[str, Any], psds: Sequence[float], memory: float, every: float,
+        beacons: int = 4,
+    ) -> None:
+        super().__init__(p, beacons)
+        self.psds, self.memory, self.every = np.array(psds), memory, every
+        self.filters = [Reference({**p, "acceleration_psd": q}, beacons) for q in psds]
+        self.weights = self.shown = np.full(len(psds), 1 / len(psds))
+        self.mixed = 0.0
+
+    def follow(self) -> None:
+        """Take the moments of the mixture."""
+        self.mean = np.einsum("k,ki->i", self.weights, [f.mean for f in self.filters])
+        self.P = sum(
+            w * (f.P + np.outer(f.mean - self.mean, f.mean - self.mean))
+            for w, f in zip(self.weights, self.filters, strict=True)
+        )
+
+    def advance(self, epoch: float) -> None:
+        self.epoch = max(epoch, self.epoch)
+        for f in self.filters:
+            f.nis = 0.0
+            f.advance(epoch)
+
+    def sound(self, z: float) -> None:
+        for f in self.filters:
+            f.sound(z)
+        self.nis += float(self.weights @ [f.nis for f in self.filters])
+        self.degrees += 1
+
+    def hear(self, u: Mapping[str, Any], i: int, epoch: float, enough: bool) -> bool:
+        self.advance(epoch)
+        known, found = u["ping_beacon_position"][i], []
+        about = self.filters[0].about(known, i)
+        for f in self.filters:
+            H, innovation, R = f.measured(u["range"][i], known, i, about)
+            punctual, late = f.densities(innovation, np.sqrt(H @ f.P @ H + R))
+            share = punctual / (punctual + late)
+            f.learn(H, innovation, R, share)
+            found.append((punctual + late, share, (1 - share) * (innovation < 0), f.nis))
+        density, *told = np.array(found).T
+        self.weights = self.weights * density / (self.weights @ density)
+        share, short, nis = (float(self.weights @ values) for values in told)
+        self.score = self.scored(share, short)
+        self.nis += nis
+        self.degrees += share > 0.5
+        anew = self.score > 12 and enough
+        if anew:
+            self.score = 0.0
+            self.anew(u)
+        return anew
+
+    def fix(self, u: Mapping[str, Any]) -> None:
+        super().fix(u)
+        for f in self.filters:
+            f.mean, f.P, f.epoch = self.mean.copy(), self.P.copy(), self.epoch
+        self.weights, self.mixed = np.full(len(self.psds), 1 / len(self.psds)), self.epoch
+
+    def tick(self, u: Mapping[str, Any]) -> None:
+        """One update; then the filters are mixed, if it is time."""
+        super().tick(u)
+        self.follow()
+        self.shown = self.weights
+        if not self.ready or self.epoch - self.mixed < self.every:
+            return
+        stay, n = np.exp(-(self.epoch - self.mixed) / self.memory), len(self.psds)
+        transitions = stay * np.eye(n) + (1 - stay) / n
+        ahead = transitions.T @ self.weights
+        share = transitions * self.weights[:, None] / ahead
+        means = np.array([f.mean for f in self.filters])
+        mixed = share.T @ means
+        off = means[:, None] - mixed[None]
+        before = [f.P for f in self.filters]
+        for j, f in enumerate(self.filters):
+            f.mean, f.P = mixed[j], sum(
+                share[i, j] * (P + np.outer(off[i, j], off[i, j])) for i, P in enumerate(before)
+            )
+        self.weights, self.mixed = ahead, self.epoch
+
+    def output(self) -> dict[str, Any]:
+        return super().output() | {"motion_psd": float(np.exp(self.shown @ np.log(self.psds)))}

@@ -10,8 +10,8 @@ import harness
 import numpy as np
 import pytest
 from harness import Array, Dive, dive, simultaneous, straight
-from long_baseline_reference import FIRST, Reference, X
-from sblcosim.models.receiver import field
+from long_baseline_reference import FIRST, Learning, Reference, X
+from sblcosim.models.receiver import bank, field
 
 BOTTOM = np.array([[40.0, 40.0, 14.0], [-40.0, 40.0, 12.5], [-40.0, -40.0, 13.0],
                    [40.0, -40.0, 14.5]])
@@ -30,7 +30,7 @@ LATE = {"outlier_probability": 0.1, "outlier_mean": 4.0}
 def covariance(found: Dive) -> Array:
     n = field.states(4)
     P = np.zeros((n, n))
-    P[np.triu_indices(n)] = found.receiver.state("covariance")
+    P[np.triu_indices(n)] = found.receiver.state("covariance")[0]
     return P + np.triu(P, 1).T
 
 
@@ -102,14 +102,63 @@ def test_a_wrong_start_ends_in_the_same_restart(off: tuple[float, float]) -> Non
 
 
 def test_a_diver_who_turns() -> None:
-    def corner(t: float) -> tuple[Array, Array]:
-        start, there, then = np.array([[-20.0, 5.0, 6.0], [1.0, 0, 0], [0, 1.0, 0]])
-        if t < 30.0:
-            return start + there * t, there
-        return start + there * 30.0 + then * (t - 30.0), then
-
     reference = follow({**LATE, "acceleration_psd": 1e-4, **PRIOR}, corner, steps=140)
     assert reference.turns
+
+
+# --- Motion that is learned ----------------------------------------------------------------------
+
+
+def learn(parameters: Mapping[str, Any], path: Any = LINE, **settings: Any) -> Learning:
+    """A dive by both, compared at each estimate."""
+    settings = {"steps": 160, "sampling_time": 0.5, "depth_std": 0.05,
+                "beacons": lambda t: BOTTOM, "acoustics": NOISY, **settings}
+    found = dive("long_baseline", path,
+                 parameters={**ROUGH, **parameters, "acceleration_psd": -1.0}, **settings)
+    reference = Learning(found.receiver.p, bank.PSDS, bank.MEMORY, bank.EVERY)
+    harness.follow(found, reference, 2e-6)
+    for name, value in reference.output().items():
+        np.testing.assert_allclose(
+            found.receiver.y[name], value, rtol=2e-6, atol=2e-5, err_msg=name
+        )
+    return reference
+
+
+@pytest.mark.parametrize("start", [{}, PRIOR], ids=["first receptions", "prior"])
+@pytest.mark.parametrize("late", [{}, LATE], ids=["punctual", "late"])
+def test_learned_motion_is_an_interacting_multiple_model(
+    start: Mapping[str, Any], late: Mapping[str, Any]
+) -> None:
+    reference = learn({**start, **late}, acoustics=NOISY | late)
+    assert reference.epoch > 2 * bank.EVERY
+    assert reference.restarts == 0
+
+
+def test_learned_motion_with_beacons_that_all_ping_at_once_and_one_that_is_towed() -> None:
+    def at(t: float) -> Array:
+        return BOTTOM + (t > 20.0) * np.array([[15.0, -4.0, 0.0], [0, 0, 0], [0, 0, 0], [0, 0, 0]])
+
+    learn(LATE, acoustics=NOISY | {"schedule": 2}, steps=80, beacons=at)
+
+
+def test_learned_motion_restarts_as_one() -> None:
+    wrong = {**PRIOR, **LATE, "prior_position": (25.0, 45.0, 6.0)}
+    assert learn(wrong, steps=240).restarts >= 1
+
+
+def corner(t: float) -> tuple[Array, Array]:
+    """A diver who turns at 30 s."""
+    start, there, then = np.array([[-20.0, 5.0, 6.0], [1.0, 0, 0], [0, 1.0, 0]])
+    if t < 30.0:
+        return start + there * t, there
+    return start + there * 30.0 + then * (t - 30.0), then
+
+
+def test_a_turn_is_learned_motion_and_no_reason_to_begin_again() -> None:
+    """Weighed before the range, the filters would hold its short ones against all of them."""
+    reference = learn({**LATE, **PRIOR, "range_std": 0.02}, corner, steps=140,
+                      acoustics={"range_std": 0.02})
+    assert reference.restarts == 0
 
 
 # --- By hand -------------------------------------------------------------------------------------
@@ -124,7 +173,7 @@ def test_the_covariance_of_a_fix_is_that_of_its_ranges() -> None:
     square = np.array([[30.0, 0, 0], [0, 30.0, 0], [-30.0, 0, 0], [0, -30.0, 0]])
     box = simultaneous("long_baseline", np.array([0.0, 0.0, 40.0]), known, beacons=square)
     P = np.zeros((field.states(4),) * 2)
-    P[np.triu_indices(len(P))] = box.state("covariance")
+    P[np.triu_indices(len(P))] = box.state("covariance")[0]
     far = 50.0
     R = 0.2**2 + 0.3**2 + 0.4**2 + 0.5**2 + (0.01 * far) ** 2
     # two beacons are along each axis, at an angle whose cosine is 30/50; down adds 40/50 of all

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,13 +15,14 @@ from scipy.stats import exponnorm, norm
 P = SimpleNamespace(prior_velocity_std=0.8, outlier_probability=0.05, outlier_mean=2.0)
 
 
-def told(innovation: float, S: float, *, doubt: float = 0.0, epoch: float = 7.5) -> turn.Turn:
+def told(
+    innovation: float, S: float, *, doubt: float = 0.0, epoch: float = 7.5, counts: int = 1
+) -> turn.Turn:
     """After ranges at 7 s and, before that, at 6.2 s."""
-    x = SimpleNamespace(ranged=7.0, pause=0.8, doubt=doubt)
+    x = SimpleNamespace(ranged=7.0, pause=0.8, doubt=doubt, epoch=ca.SX(epoch))
     parts = lateness.densities(P, ca.SX(innovation), ca.SX(S))
-    result = turn.told(P, x, ca.SX(epoch), ca.SX(innovation), ca.SX(S), sum(parts))
-    return turn.Turn(*(float(ca.evalf(ca.SX(getattr(result, name))))
-                       for name in ("begins", "doubt", "pause", "since")))
+    result = turn.told(P, x, ca.SX(innovation), ca.SX(S), sum(parts), ca.SX(counts))
+    return turn.Turn(*(float(ca.evalf(ca.SX(getattr(result, f.name)))) for f in fields(turn.Turn)))
 
 
 def ratio(innovation: float, S: float, pause: float) -> float:
@@ -43,6 +45,17 @@ def test_the_score_adds_up_likelihood_ratios(seed: int) -> None:
     assert (result.pause, result.since) == (0.5, 1.5)
 
 
+def test_what_does_not_count_changes_no_state() -> None:
+    result = told(-0.5, 0.05**2, doubt=8.0, counts=0)
+    assert result.states == {"begins": 0, "again": 0, "doubt": 8.0, "ranged": 7.0, "pause": 0.8}
+
+
+def test_a_range_that_is_to_be_read_again_has_not_been_used() -> None:
+    short, long = told(-0.5, 0.05**2), told(0.5, 0.05**2, doubt=8.0)
+    assert (short.again, short.ranged) == (1, 7.0)
+    assert (long.again, long.ranged) == (0, 7.5)
+
+
 def test_of_one_epoch_the_pause_before_it_counts() -> None:
     assert told(0.1, 0.01, epoch=7.0).pause == 0.8
 
@@ -58,18 +71,17 @@ def test_what_fits_is_no_turn_nor_is_anything_where_velocities_are_known() -> No
     S = 0.05**2
     assert told(0.02, S, doubt=2.0).doubt < 0.5
     known = SimpleNamespace(**{**vars(P), "prior_velocity_std": 0.0, "outlier_probability": 0.9})
-    x = SimpleNamespace(ranged=7.0, pause=0.8, doubt=0.0)
+    x = SimpleNamespace(ranged=7.0, pause=0.8, doubt=0.0, epoch=ca.SX(7.5))
     for innovation in np.linspace(-1, 1, 41):
         value: Any = sum(lateness.densities(known, ca.SX(innovation), ca.SX(S)))
-        result = turn.told(known, x, ca.SX(7.5), ca.SX(innovation), ca.SX(S), value)
+        result = turn.told(known, x, ca.SX(innovation), ca.SX(S), value, ca.SX(1))
         assert float(ca.evalf(result.doubt)) == 0.0
 
 
 def test_a_turn_makes_velocity_and_place_as_unknown_as_that() -> None:
-    begins, since = 1, 1.5
-    found = turn.widened(
-        P, ca.SX.eye(4), turn.Turn(begins, 0, 0.5, since), begins, (0, 2), (1, 3)
-    )
+    since = 1.5
+    declared = turn.Turn(1, 0, 0.0, 7.5, 0.5, since)
+    found = turn.widened(P, ca.SX.eye(4), declared, (0, 2), (1, 3))
     way = np.kron(np.eye(2), [[since], [1.0]])
     expected = np.eye(4) + P.prior_velocity_std**2 * way @ way.T
     np.testing.assert_allclose(np.array(ca.evalf(found)), np.triu(expected), atol=1e-15)
