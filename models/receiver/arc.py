@@ -76,7 +76,7 @@ def about(mean: Any, P: Any) -> Arc:
         far=length > NEAREST,
         spread=ca.fmin(_form(tangential, P_yy) / radius**2, WIDEST),
         depth=_form(radial, P_yy),
-        heading=P[HEADING, HEADING],
+        heading=ca.fmax(P[HEADING, HEADING], 0),
         turned=ca.fmin(ca.fmax(
             _form(tangential, P_yy) / radius**2 - 2 * ca.dot(tangential, P_yh) / radius, 0,
         ), WIDEST),

@@ -192,7 +192,8 @@ def test_the_defaults() -> None:
         "gps_correlation_time": 120.0, "gps_bias_std": 0.0, "gps_vertical_std": 0.0,
         "gps_vertical_error_std": 0.0, "gps_vertical_error_time": 1e6,
         "platform_velocity_std": 0.05, "platform_velocity_time": 40.0, "heading_rate_std": 0.02,
-        "heading_rate_time": 3.0, "tilt_std": 0.07, "imu_heading_std": 0.0,
+        "heading_rate_time": 3.0, "heave_std": 0.25, "heave_time": 0.8, "tilt_std": 0.07,
+        "tilt_time": 0.8, "imu_heading_std": 0.0,
         "imu_heading_error_std": np.radians(3.0), "imu_heading_error_time": 1e6,
         "imu_tilt_std": np.radians(0.5), "watch": False,
     }
@@ -437,7 +438,10 @@ def test_what_it_says_of_the_system() -> None:
     H[[surroundings.CLOCK, surroundings.SPEED]] = 1, distance
     off = H @ mean - (1500 * offset + (1500 / speed - 1) * distance)
     assert abs(off) < 2.5 * np.sqrt(H @ P @ H) < 1.5
-    np.testing.assert_allclose(y["relative_covariance"][2, 2], P[2, 2] + 0.02**2)
+    _, share, variance = np.ravel(result.receiver.state("heave"))
+    D = np.zeros(surroundings.STATES)
+    D[[2, SINK]] = 1, share
+    np.testing.assert_allclose(y["relative_covariance"][2, 2], D @ P @ D + variance)
     np.testing.assert_allclose(y["position_std"] ** 2, np.diag(y["covariance"])[::2])
     assert y["covariance"][0, 0] > P[0, 0] + 0.4**2 - 1e-9
 
