@@ -136,6 +136,27 @@ def test_learned_motion_is_an_interacting_multiple_model(
         )
 
 
+@pytest.mark.parametrize("pose_source", [1, 3])
+def test_its_filters_have_heave_and_swing_in_common(pose_source: int) -> None:
+    result = Raft().dive(
+        LINE, {**SINKING, "pose_source": pose_source, "acceleration_psd": -1.0},
+        acoustics=NOISY, steps=160,
+    )
+    reference = Learning(result.receiver.p, bank.PSDS, bank.MEMORY, bank.EVERY)
+    harness.follow(result, reference, 2e-6)
+    box, (heave, swing) = result.receiver, (reference.filters[0].heave, reference.filters[0].swing)
+    assert swing.C.any() == (pose_source == 3)
+    np.testing.assert_allclose(
+        np.ravel(box.state("heave")), [*heave.a, heave.C[0, SINK], heave.V], rtol=2e-6, atol=1e-7
+    )
+    np.testing.assert_allclose(
+        np.ravel(box.state("swing")), [*swing.a, swing.C[0, 6], *swing.C[:, PSI], swing.V],
+        rtol=2e-6, atol=1e-7,
+    )
+    for name, value in reference.output().items():
+        np.testing.assert_allclose(box.y[name], value, rtol=2e-6, atol=2e-5, err_msg=name)
+
+
 def test_learned_motion_restarts_as_one() -> None:
     wrong = {**PRIOR, "prior_position": (34.0, -2.0, 5.0), "acceleration_psd": -1.0}
     result = Raft().dive(LINE, wrong, acoustics=NOISY, steps=150)
