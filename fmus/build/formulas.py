@@ -21,8 +21,8 @@ FONTS = (
 EVERYWHERE = "Everywhere"
 """Heading of the symbols that mean the same on all pages."""
 _GREEK = (
-    "alpha|beta|gamma|delta|(?:var)?epsilon|zeta|eta|theta|iota|kappa|lambda|mu|nu|xi|pi|rho|"
-    "sigma|tau|upsilon|(?:var)?phi|chi|psi|omega|Gamma|Delta|Theta|Lambda|Xi|Phi|Psi|Omega|ell"
+    "alpha|beta|gamma|delta|(?:var)?epsilon|zeta|eta|(?:var)?theta|iota|kappa|lambda|mu|nu|xi|pi|"
+    "rho|sigma|tau|upsilon|(?:var)?phi|chi|psi|omega|Gamma|Delta|Theta|Lambda|Xi|Phi|Psi|Omega|ell"
 )
 _SYMBOL = re.compile(
     r"(?P<base>(?:\\(?:hat|bar|dot)\{[^{}]*\}|\\mathcal\{\w\}|\\(?:" + _GREEK + r")(?![A-Za-z])"

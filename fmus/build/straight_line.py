@@ -293,9 +293,11 @@ def _pair_sines(
         text = texts[value]
         if not text.startswith(("r_sin(", "r_cos(")):
             continue
-        other = first.setdefault((branches[value], text[5:]), value)
+        place = branches[value], text[5:]
+        other = first.setdefault(place, value)
         if other == value or texts[other] == text:
             continue
+        del first[place]  # each has one partner
         sine, cosine = (other, value) if texts[other].startswith("r_sin") else (value, other)
         argument = text[6:-1]
         lines[other] = f"real {sine}, {cosine}; r_sincos({argument}, &{sine}, &{cosine});"

@@ -76,7 +76,7 @@ def about(mean: Any, P: Any) -> Arc:
         far=length > NEAREST,
         spread=ca.fmin(_form(tangential, P_yy) / radius**2, WIDEST),
         depth=_form(radial, P_yy),
-        heading=P[HEADING, HEADING],
+        heading=ca.fmax(P[HEADING, HEADING], 0),
         turned=ca.fmin(ca.fmax(
             _form(tangential, P_yy) / radius**2 - 2 * ca.dot(tangential, P_yh) / radius, 0,
         ), WIDEST),
@@ -142,26 +142,30 @@ def retract(mean: Any, P: Any, d: Any) -> tuple[Any, Any, Map]:
     M = ca.vertcat(ca.horzcat(c, -s), ca.horzcat(s, c))
     v = mean[_SPEEDS]
     xi = d[_SPEEDS] - turn * (_J @ v)
-    curved = ca.SX(mean + d)
-    curved[_NORTH_EAST] = mean[_PLATFORM] + d[_PLATFORM] + M @ (y + out * radial)
-    curved[_SPEEDS] = M @ (v + xi)
-
-    G = M @ (radial @ radial.T + (radius + out) / radius * (tangential @ tangential.T))
-    lag = (M @ (_J @ xi)) @ tangential.T / radius
-    eye = ca.SX.eye(2)
-    A: dict[tuple[int, int], Any] = {}
-    for rows, columns, block, without in (
-        (_NORTH_EAST, _NORTH_EAST, G, eye),
-        (_NORTH_EAST, _PLATFORM, eye - G, ca.SX.zeros(2, 2)),
-        (_SPEEDS, _SPEEDS, M, eye),
-        (_SPEEDS, _NORTH_EAST, lag, ca.SX.zeros(2, 2)),
-        (_SPEEDS, _PLATFORM, -lag, ca.SX.zeros(2, 2)),
+    moved = ca.SX(mean + d)
+    for states, curved in (
+        (_NORTH_EAST, mean[_PLATFORM] + d[_PLATFORM] + M @ (y + out * radial)),
+        (_SPEEDS, M @ (v + xi)),
     ):
-        values = ca.if_else(on_arc, block, without)
-        A |= {(i, j): values[n, m] for n, i in enumerate(rows) for m, j in enumerate(columns)}
+        moved[states] = ca.if_else(on_arc, curved, moved[states])
+
+    eye = ca.SX.eye(2)
+    G = ca.if_else(
+        on_arc, M @ (radial @ radial.T + (radius + out) / radius * (tangential @ tangential.T)), eye
+    )
+    lag = ca.if_else(on_arc, (M @ (_J @ xi)) @ tangential.T / radius, 0)
+    A: dict[tuple[int, int], Any] = {}
+    for rows, columns, block in (
+        (_NORTH_EAST, _NORTH_EAST, G),
+        (_NORTH_EAST, _PLATFORM, eye - G),
+        (_SPEEDS, _SPEEDS, ca.if_else(on_arc, M, eye)),
+        (_SPEEDS, _NORTH_EAST, lag),
+        (_SPEEDS, _PLATFORM, -lag),
+    ):
+        A |= {(i, j): block[n, m] for n, i in enumerate(rows) for m, j in enumerate(columns)}
     turn = Map(A)
     matrix = turn.matrix(STATES)
-    return ca.if_else(on_arc, curved, mean + d), symmetric(matrix @ P @ matrix.T), turn
+    return moved, symmetric(matrix @ P @ matrix.T), turn
 
 
 def moments(arc: Arc, P: Any) -> tuple[Any, Any]:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any, Literal
 
-from . import field, surroundings
+from . import field, surroundings, waves
 from .surroundings import Elements, Measurement, Pose
 
 FAR_STD = 30.0
@@ -104,11 +104,11 @@ def _start(p: Any, position: Sequence[int], velocity: Sequence[int]) -> dict[int
     return dict.fromkeys(position, place) | dict.fromkeys(velocity, p.prior_velocity_std)
 
 
-# --- The platform and its sensors: `surroundings` ------------------------------------------------
+# --- The platform and its sensors: `surroundings` and `waves` ------------------------------------
 
 
 def _of_platform(p: Any, s: Any) -> list[Any]:
-    x: list[Any] = [0.0] * surroundings.STATES
+    x: list[Any] = [0.0] * waves.STATES
     x[:3], x[6:8] = s.position, s.platform[:2]
     x[surroundings.HEADING], x[surroundings.SPEED] = s.attitude[2], p.speed
     return x
@@ -119,29 +119,32 @@ def _pose(p: Any, s: Any) -> Pose:
     own = p.own_beacon
     roll, pitch = (_either(own, 0.0, angle) for angle in s.attitude[:2])
     return Pose(
-        s.platform[2], roll, pitch, _either(own, p.tilt_std**2, surroundings.tilt(p, 0.0)[1])
+        s.platform[2], roll, pitch, _either(own, 0.0, surroundings.tilt(p, 0.0)[1]), own
     )
+
+
+def _down(m: Any, p: Any, s: Any) -> Measurement:
+    return waves.down(m, p, _of_platform(p, s), p.own_beacon, s.beacon)
 
 
 def _place(axis: int, of_beacon: bool) -> Callable[[Any, Any, Any], Measurement]:
     def row(m: Any, p: Any, s: Any) -> Measurement:
-        body = s.beacon if of_beacon else (0.0, 0.0)
-        return surroundings.places(m, p, _of_platform(p, s), body)[axis]
+        body = s.beacon if of_beacon else (0.0, 0.0, 0.0)
+        return waves.places(m, p, _of_platform(p, s), body)[axis]
 
     return row
 
 
 def _range(m: Any, p: Any, s: Any) -> Measurement:
-    return surroundings.range_(m, p, _of_platform(p, s), _pose(p, s), s.beacon)
+    return waves.range_(m, p, _of_platform(p, s), _pose(p, s), s.beacon)
 
 
 def _platform_marginals(p: Any, P: Any) -> tuple[Matrix, Matrix]:
-    """Covariances of x and of x − p. The constant GPS error enters the absolute one, the white
-    vertical error the relative one: neither is a state.
+    """Covariances of x and of x − p. The constant GPS error, which is no state, enters the absolute
+    one.
     """
     north, east = surroundings.PLATFORM
-    difference = [[(0, 1), (north, -1)], [(1, 1), (east, -1)],
-                  [(2, 1), (surroundings.VERTICAL_ERROR, 1)]]
+    difference = [[(0, 1), (north, -1)], [(1, 1), (east, -1)], [(2, 1), (waves.HEAVE, -1)]]
     absolute = [[P[i, j] for j in range(3)] for i in range(3)]
     relative = [
         [sum(a * b * P[i, j] for i, a in one for j, b in other) for other in difference]
@@ -149,7 +152,6 @@ def _platform_marginals(p: Any, P: Any) -> tuple[Matrix, Matrix]:
     ]
     for i in (0, 1):
         absolute[i][i] += p.gps_bias_std**2
-    relative[2][2] += p.gps_vertical_std**2
     return absolute, relative
 
 
@@ -158,21 +160,23 @@ PLATFORM = Bound(
         *_DIVER, "gps_std", "gps_markov_std", "gps_correlation_time", "gps_bias_std",
         "gps_vertical_std", "gps_vertical_error_std", "gps_vertical_error_time",
         "platform_velocity_std", "platform_velocity_time", "heading_rate_std", "heading_rate_time",
-        "tilt_std", "imu_heading_std", "imu_heading_error_std", "imu_heading_error_time",
-        "imu_tilt_std",
+        "heave_std", "heave_time", "tilt_std", "tilt_time", "imu_heading_std",
+        "imu_heading_error_std", "imu_heading_error_time", "imu_tilt_std",
     ),
-    states=surroundings.STATES,
+    states=waves.STATES,
     each=0,
     prior_stds=lambda p: {
-        **surroundings.prior_stds(p), **_start(p, surroundings.POSITION, surroundings.VELOCITY),
+        **waves.prior_stds(p), **_start(p, surroundings.POSITION, surroundings.VELOCITY),
         **dict.fromkeys(surroundings.PLATFORM, FAR_STD), surroundings.HEADING: ANYWHERE,
     },
-    transition=surroundings.transition,
+    transition=waves.transition,
     rows=(
         Row(lambda m, p, s: surroundings.depth(p, _of_platform(p, s)), "readings"),
         Row(_place(0, False), "packets", False),
         Row(_place(1, False), "packets", False),
         Row(lambda m, p, s: surroundings.heading(m, p, _of_platform(p, s)), "packets", False),
+        Row(_down, "packets", False),
+        Row(_down, "beacons", True),
         Row(_place(0, True), "beacons", True),
         Row(_place(1, True), "beacons", True),
         Row(_range, "beacons"),

@@ -6,8 +6,8 @@ the platform. A filter that is wrong restarts.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from math import pi
 from types import SimpleNamespace
 from typing import Any
@@ -16,7 +16,18 @@ import casadi as ca
 
 from ..declaration import number_of
 from ..equations import Equations, Loop, Symbols, Values
-from . import arc, bank, estimate, lateness, least_squares, measurements, pose, start, surroundings
+from . import (
+    arc,
+    bank,
+    estimate,
+    lateness,
+    least_squares,
+    measurements,
+    pose,
+    start,
+    surroundings,
+    waves,
+)
 from .estimate import pack, unpack
 from .least_squares import symmetric
 from .measurements import DEPTH, Samples, with_beacons
@@ -34,6 +45,7 @@ from .surroundings import (
     Measurement,
 )
 from .variables import INITIALISATION
+from .waves import Heave, Swing
 
 _PRIOR = number_of(INITIALISATION, "prior")
 _FAR_STD = 30.0
@@ -59,6 +71,7 @@ def initial(p: Symbols, w: Symbols, t: Any) -> Values:
     mean[list(POSITION)] = p.prior_position
     mean[list(VELOCITY)] = p.prior_velocity
     phi, noise = surroundings.around(ca, p, ca.SX(0))
+    heave, swing = waves.no_heave(p), waves.no_swing(p)
     return {
         **measurements.initial(p, t),
         **estimate.initial(t),
@@ -66,6 +79,9 @@ def initial(p: Symbols, w: Symbols, t: Any) -> Values:
         "located": 0,
         **bank.initial(p, mean, ca.diag(stds**2), t, len(KEPT)),
         "platform_down": 0,
+        "heave": ca.vertcat(*heave.numbers),
+        "swing": ca.vertcat(*swing.numbers),
+        "before": ca.vertcat(*heave.numbers, *swing.numbers),
         "pose_epoch": t,
         "arm": ca.SX.zeros(p.beacons, 3),
         **pose.NOTHING.states,
@@ -82,8 +98,8 @@ def initial(p: Symbols, w: Symbols, t: Any) -> Values:
 
 
 _SAMPLE = (
-    "pending", "pause", "range", "placing", "sounding", "posing", "ranging", "using", "enough",
-    "first", "last",
+    "pending", "pause", "range", "placing", "sounding", "floating", "posing", "ranging", "using",
+    "enough", "first", "last",
 )
 """What the filters need to know of a sample besides the packet: `Sample`."""
 
@@ -99,8 +115,9 @@ def _sample(x: Symbols) -> SimpleNamespace:
         Time since the sample before [s].
     range
         Its range [m].
-    placing, sounding, posing, ranging
-        Whether it places the platform for the first time, has a depth to be used, a pose, a range.
+    placing, sounding, floating, posing, ranging
+        Whether it places the platform for the first time, has a depth to be used, a depth of the
+        platform, a pose, a range.
     using
         Whether the filter has started and does not start again.
     enough, first
@@ -126,11 +143,24 @@ def unprocessed(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Any:
     return with_beacons(x, u, u.ping_beacon_position).any_new
 
 
-def read(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
-    """Take the oldest sample; a depth and a packet of one epoch together.
+def reading(row: int) -> Callable[[Symbols, Symbols, Symbols, Symbols, Any], Values]:
+    """The body that takes the oldest sample; a depth and a packet of one epoch together.
 
     The first fix waits for the platform and for the last of the new samples.
+
+    Parameters
+    ----------
+    row
+        The filter whose heading and expected changes are those of heave and swing. They are common
+        to all filters: what reports say of them does not depend on the diver's motion.
     """
+    def read(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
+        return _read(p, x, u, x.mean[row, :].T)
+
+    return read
+
+
+def _read(p: Symbols, x: Symbols, u: Symbols, mean: Any) -> Values:
     s = with_beacons(x, u, u.ping_beacon_position)
     oldest, depth, packet, chosen, z = _oldest(s)
     newest = oldest >= ca.mmax(s.epoch[:DEPTH])
@@ -138,17 +168,22 @@ def read(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     using = x.ready * (x.passes == 0)
     pause = epoch - x.epoch
     phi, noise = surroundings.around(ca, p, pause)
-    before = pose.later(x, surroundings.drift(p, phi, noise))
-    said, own = pose.read(p, u, s, chosen, newest, before)
+    drift = surroundings.drift(p, phi, noise)
+    said, own = pose.read(p, u, s, chosen, newest, pose.later(x, drift))
     placing = packet * said.complete * (x.located == 0)
     located = ca.fmax(x.located, placing)
     # Several packets of one epoch hold the same pose, errors included.
-    again = (oldest == x.pose_epoch) * (said.is_own == 0)
+    fresh = packet * (1 - (oldest == x.pose_epoch) * (said.is_own == 0))
+    posing = fresh * located
+    before = _waves_later(p, x, mean, pause, phi, drift)
+    angle = waves.causes(_split(mean))[2] + _changes(phi, mean)[1][2]
+    angle = ca.if_else(placing, said.first_heading, angle)
+    heave, swing = _waves_reported(p, before, said, angle, fresh, posing)
     arm = _turned_arm(said)
     last = ca.sum1(s.new) <= packet + depth
     sample = {
         "pending": 1, "pause": pause, "range": z, "placing": placing, "sounding": depth * using,
-        "posing": packet * located * (again == 0), "ranging": packet * located * using,
+        "floating": fresh, "posing": posing, "ranging": packet * located * using,
         "using": using, "enough": s.enough * located,
         "first": (x.ready == 0) * s.enough * located * last, "last": last,
     }
@@ -158,6 +193,9 @@ def read(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
         "located": located,
         "pose_epoch": ca.if_else(packet, oldest, x.pose_epoch),
         "platform_down": ca.if_else(packet, said.pose.down, x.platform_down),
+        "heave": ca.vertcat(*heave.numbers),
+        "swing": ca.vertcat(*swing.numbers),
+        "before": ca.vertcat(*before[0].numbers, *before[1].numbers),
         "arm": ca.if_else(ca.repmat(chosen, 1, 3), ca.repmat(arm.T, s.count, 1), x.arm),
         **own.states,
         "sample": ca.vertcat(*(sample[name] for name in _SAMPLE)),
@@ -203,8 +241,12 @@ def filtered(p: Symbols, x: Symbols, u: Symbols, part: Any) -> tuple[dict[str, A
     mean, P, moved = _predicted(x, phi, noise)
     mean, P = _located(mean, P, said, sample.placing)
     mean, P, depth_nis, sounded = _sounded(p, mean, P, u.depth, sample.sounding)
-    mean, P, posed = _platform_updated(p, mean, P, said, sample.posing)
-    mean, P, heard, steps = _range_updated(p, mean, P, said, sample.range, sample.ranging)
+    mean, P, sunk = _floated(p, mean, P, said, waves.heave_of(_split(x.before)[:3]),
+                             sample.floating)
+    mean, P, posed = _platform_updated(p, mean, P, said, waves.swing_of(_split(x.before)[3:]),
+                                       sample.posing)
+    mean, P, heard, steps = _range_updated(p, mean, P, said, waves.swing_of(_split(x.swing)),
+                                           sample.range, sample.ranging)
     too_fast = ca.sumsqr(mean[list(VELOCITY)]) > p.speed_limit**2
     changed = {
         "mean": mean,
@@ -215,7 +257,7 @@ def filtered(p: Symbols, x: Symbols, u: Symbols, part: Any) -> tuple[dict[str, A
         "fast": x.fast + part * too_fast,
         "nis": x.nis + part * depth_nis + part * heard.nis,
     }
-    return changed, [moved, sounded, *posed, *steps]
+    return changed, [moved, sounded, sunk, *posed, *steps]
 
 
 def _filter(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
@@ -267,7 +309,7 @@ def _sounded(
     p: Symbols, mean: Any, P: Any, z: Any, weight: Any
 ) -> tuple[Any, Any, Any, Correction]:
     """Apply a reading of the depth sensor; returns mean, P, nis and step like `_update`."""
-    row = surroundings.depth(p, _elements(mean))
+    row = surroundings.depth(p, _split(mean))
     d, P, nis, step = _update(P, ca.SX.zeros(STATES), row, z - row.value, weight)
     return mean + d, P, nis, step
 
@@ -283,10 +325,6 @@ def _oldest(s: Samples) -> tuple[Any, Any, Any, Any, Any]:
         packet += this
         z = ca.if_else(this, s.z[i], z)
     return oldest, pending[DEPTH] <= oldest, packet, ca.vertcat(*which), z
-
-
-def _elements(mean: Any) -> list[Any]:
-    return [mean[i] for i in range(STATES)]
 
 
 def _turned_arm(said: pose.Packet) -> Any:
@@ -357,16 +395,83 @@ def _update(
     return d + share * rest * c, symmetric(P - share * (c @ c.T)), share * rest**2, step
 
 
+def _split(column: Any) -> list[Any]:
+    return [column[i] for i in range(column.numel())]
+
+
+def heave_of(x: Symbols) -> Heave:
+    """The platform's depth, from the states."""
+    return waves.heave_of(_split(x.heave))
+
+
+def _changes(phi: Mapping[tuple[int, int], Any], mean: Any) -> tuple[Any, tuple[Any, Any, Any]]:
+    """Expected changes of g_z, and of p + g, north and east, and ψ + e_ψ, in a transition."""
+    change: list[Any] = [ca.SX(0)] * STATES
+    for (i, j), value in phi.items():
+        change[i] += (value - (i == j)) * mean[j]
+    return change[VERTICAL_ERROR], waves.causes(change)
+
+
+def _waves_later(
+    p: Symbols, x: Symbols, mean: Any, dt: Any, phi: Mapping[tuple[int, int], Any],
+    drift: tuple[Any, Any, Any],
+) -> tuple[Heave, Swing]:
+    """Heave and swing after dt."""
+    sunk, moved = _changes(phi, mean)
+    return (
+        waves.heave_later(ca, p, heave_of(x), dt, sunk, drift[2]),
+        waves.swing_later(ca, p, waves.swing_of(_split(x.swing)), dt, moved, drift[:2]),
+    )
+
+
+def _waves_reported(
+    p: Symbols, before: tuple[Heave, Swing], said: pose.Packet, angle: Any, floating: Any,
+    posing: Any,
+) -> tuple[Heave, Swing]:
+    """Heave and swing after a packet, if ψ + e_ψ is about `angle`."""
+    heave, swing = before
+    down = waves.down_after(ca, p, heave, said.pose.own, _split(said.arm))
+    at: list[Any] = [ca.SX(0)] * STATES
+    at[HEADING] = angle
+    rows = surroundings.places(ca, p, at, _split(said.body), said.heading_variance)
+    place, lever = _split(said.place), said.body[2]
+    return (
+        waves.heaved(heave, down, said.pose.down, floating),
+        waves.swung(at, rows, place, lever, swing, posing),
+    )
+
+
+def _floated(
+    p: Symbols, mean: Any, P: Any, said: pose.Packet, heave: Heave, weight: Any
+) -> tuple[Any, Any, Map]:
+    """Apply the reported depth of the platform.
+
+    It corrects g_z alone: what other states have in common with g_z, ranges have told them.
+    """
+    n = VERTICAL_ERROR
+    row = waves.down_after(ca, p, heave, said.pose.own, _split(said.arm))
+    slope = row.row[n]
+    gain = weight * slope * P[n, n] / (slope**2 * P[n, n] + row.variance)
+    kept = 1 - gain * slope
+    mean, P = ca.SX(mean), ca.SX(P)
+    mean[n] += gain * (said.pose.down - row.value - slope * mean[n])
+    for i in range(STATES):
+        P[i, n] = P[n, i] = kept * P[n, i]
+    return mean, P, Map({(n, n): kept})
+
+
 def _platform_updated(
-    p: Symbols, mean: Any, P: Any, said: pose.Packet, weight: Any
+    p: Symbols, mean: Any, P: Any, said: pose.Packet, swing: Swing, weight: Any
 ) -> tuple[Any, Any, list[Step]]:
     """Apply what a packet says about the platform as one correction."""
-    x = _elements(mean)
+    x = _split(mean)
     d = ca.SX.zeros(STATES)
-    body = [said.body[0], said.body[1]]
+    body = _split(said.body)
     spread = P[HEADING, HEADING] + 2 * P[HEADING, HEADING_ERROR] + P[HEADING_ERROR, HEADING_ERROR]
     steps: list[Step] = []
-    for i, row in enumerate(surroundings.places(ca, p, x, body, spread)):
+    # Rounding may leave less than 0 of a variance that was very large.
+    known = surroundings.places(ca, p, x, body, ca.fmax(spread, 0))
+    for i, row in enumerate(waves.places_after(x, known, body[2], swing)):
         d, P, _, step = _update(P, d, row, said.place[i] - row.value, weight)
         steps.append(step)
     row = surroundings.heading(ca, p, x)
@@ -398,12 +503,16 @@ class Heard:
 
 
 def _range_updated(
-    p: Symbols, mean: Any, P: Any, said: pose.Packet, z: Any, weight: Any
+    p: Symbols, mean: Any, P: Any, said: pose.Packet, swing: Swing, z: Any, weight: Any
 ) -> tuple[Any, Any, Heard, list[Step]]:
     """Apply a range that may be late, along the arc and to second order."""
-    row = surroundings.range_(
-        ca, p, _elements(mean), said.pose, [said.arm[i] for i in range(3)]
+    x, lever = _split(mean), said.body[2]
+    moved = replace(
+        said.pose, swing=tuple(lever * tilt for tilt in swing.at(x)),
+        swing_variance=lever**2 * swing.variance,
     )
+    row = surroundings.range_(ca, p, x, moved, _split(said.arm))
+    row = waves.range_after(row, lever, swing)
     bent = arc.bent(arc.about(mean, P), row)
     c, S = _gain(P, bent)
     innovation = z - bent.value
@@ -423,19 +532,19 @@ def _range_updated(
 
 def _output(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Values:
     mean, P = bank.estimate(p, x, 0, KEPT)
-    return outputs(p, x, mean, P, x.platform_down)
+    return outputs(p, x, mean, P, heave_of(x))
 
 
-def outputs(p: Symbols, x: Symbols, state: Any, P: Any, down: Any) -> Values:
+def outputs(p: Symbols, x: Symbols, state: Any, P: Any, heave: Heave) -> Values:
     """All outputs of an estimate.
 
     Parameters
     ----------
     x
         Holds what `estimate.outputs` needs, ``restarts`` and ``believed``.
-    state, P, down
+    state, P, heave
         State and covariance of the estimate (only the rows and columns `KEPT` are used), and the
-        reported depth of the platform [m].
+        platform's depth.
     """
     seen = arc.about(state, P)
     shift, more = arc.moments(seen, P)
@@ -444,14 +553,15 @@ def outputs(p: Symbols, x: Symbols, state: Any, P: Any, down: Any) -> Values:
     covariance = P[order, order]
     relative = ca.SX.zeros(3, 3)
     relative[:2, :2] = arc.relative(P) + more
-    deeper = P[:, 2] + P[:, VERTICAL_ERROR]
+    deeper = P[:, 2] + heave.share * P[:, VERTICAL_ERROR]
     crossing = deeper[list(POSITION[:2])] - deeper[list(PLATFORM)]
     relative[:2, 2], relative[2, :2] = crossing, crossing.T
-    relative[2, 2] = deeper[2] + deeper[VERTICAL_ERROR] + p.gps_vertical_std**2
+    relative[2, 2] = deeper[2] + heave.share * deeper[VERTICAL_ERROR] + heave.variance
     horizontal = [0, 2]
     mean[horizontal] += shift
     covariance[horizontal, horizontal] += more + p.gps_bias_std**2 * ca.SX.eye(2)
-    platform = ca.vertcat(state[list(PLATFORM)], down - state[VERTICAL_ERROR])
+    down = heave.down - heave.share * state[VERTICAL_ERROR]
+    platform = ca.vertcat(state[list(PLATFORM)], down)
     there = x.update_count > 0
     return {
         **estimate.outputs(x, mean, covariance),
@@ -468,7 +578,7 @@ EQUATIONS = Equations(
     tick=_tick,
     output=_output,
     iterate=(
-        Loop("process", unprocessed, read, inner=(
+        Loop("process", unprocessed, reading(0), inner=(
             Loop("filter", _pending, _filter, each=bank.STATES),
             Loop("settle", lambda p, x, u, t: pending(x), _settle),
         )),

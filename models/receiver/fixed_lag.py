@@ -20,6 +20,7 @@ from . import bank, coupled, start
 from .estimate import pack, unpack
 from .steps import Delayed, Step, packed, unpacked
 from .surroundings import STATES
+from .waves import Heave, heave_of
 
 _KEPT = list(coupled.KEPT)
 _SPACING = 4
@@ -28,7 +29,9 @@ _COPIES = _SPACING + 1
 """One more than per lag: the oldest is output before it makes room for the newest."""
 _SIZE = len(_KEPT)
 _TRIANGLE = _SIZE * (_SIZE + 1) // 2
-_GIVEN = 3 + _SIZE + _TRIANGLE
+_BEFORE = 5
+"""Numbers of a copy before its mean."""
+_GIVEN = _BEFORE + _SIZE + _TRIANGLE
 _NUMBERS = _GIVEN + _SIZE * STATES
 _SAME = 1e-6
 """Times closer than this [s] count as equal."""
@@ -44,30 +47,30 @@ class _Copy:
         Whether the copy exists: 0 or 1.
     epoch
         Its time [s].
-    down
-        Reported depth of the platform [m].
+    heave
+        The platform's depth, as known at that time.
     past
         Delayed states, those of `_KEPT`.
     """
 
     there: Any
     epoch: Any
-    down: Any
+    heave: Heave
     past: Delayed
 
     @property
     def numbers(self) -> Any:
         """All numbers as a row. An estimate needs only the first `_GIVEN` of them."""
         return ca.vertcat(
-            self.there, self.epoch, self.down, self.past.mean, pack(self.past.covariance),
-            ca.vec(self.past.cross),
+            self.there, self.epoch, *self.heave.numbers, self.past.mean,
+            pack(self.past.covariance), ca.vec(self.past.cross),
         ).T
 
 
 def _copy(row: Any) -> _Copy:
-    return _Copy(row[0], row[1], row[2], Delayed(
-        row[3 : 3 + _SIZE].T,
-        unpack(row[3 + _SIZE : _GIVEN].T, _SIZE),
+    return _Copy(row[0], row[1], heave_of([row[2], row[3], row[4]]), Delayed(
+        row[_BEFORE : _BEFORE + _SIZE].T,
+        unpack(row[_BEFORE + _SIZE : _GIVEN].T, _SIZE),
         ca.reshape(row[_GIVEN:], _SIZE, STATES),
     ))
 
@@ -135,7 +138,8 @@ def _turn(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     now = bank.row_of(x, bank.EXTRA)
     P = unpack(now.covariance, STATES)
     new = _Copy(
-        ca.SX(1), x.epoch, x.platform_down, Delayed(now.mean[_KEPT], P[_KEPT, _KEPT], P[_KEPT, :])
+        ca.SX(1), x.epoch, coupled.heave_of(x),
+        Delayed(now.mean[_KEPT], P[_KEPT, _KEPT], P[_KEPT, :]),
     )
     last = ca.if_else(x.due * (x.turns == 1), new.numbers, followed.numbers)
     return {"copies": ca.vertcat(x.copies[1:, :], last), "turns": x.turns - 1}
@@ -174,7 +178,7 @@ def _output(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Values:
         update_count=x.update_count, epoch=known.epoch, nis=x.given_nis,
         nis_degrees=x.given_degrees, restarts=x.restarts, believed=x.believed,
     )
-    return coupled.outputs(p, shown, mean, P, known.down)
+    return coupled.outputs(p, shown, mean, P, known.heave)
 
 
 EQUATIONS = Equations(
@@ -182,7 +186,7 @@ EQUATIONS = Equations(
     output=_output,
     iterate=(
         Loop(
-            "process", coupled.unprocessed, coupled.read,
+            "process", coupled.unprocessed, coupled.reading(bank.EXTRA),
             inner=(
                 Loop("filter", _pending, _filter, each=bank.STATES),
                 Loop("settle", lambda p, x, u, t: coupled.pending(x), _settle),

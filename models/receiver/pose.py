@@ -87,7 +87,8 @@ def packet(numbers: Any) -> Packet:
         body=ca.if_else(is_own, arm, 0),
         arm=arm,
         heading=numbers[6],
-        pose=Pose(down=numbers[7], roll=numbers[8], pitch=numbers[9], tilt_variance=numbers[10]),
+        pose=Pose(down=numbers[7], roll=numbers[8], pitch=numbers[9], tilt_variance=numbers[10],
+                  own=is_own),
         platform=numbers[11:13],
         first_heading=numbers[13],
         heading_variance=numbers[14],
@@ -154,7 +155,7 @@ def _conjugate(a: Any) -> Any:
     return ca.vertcat(a[0], -a[1])
 
 
-def later(x: Symbols, drift: tuple[Any, Any]) -> Own:
+def later(x: Symbols, drift: tuple[Any, Any, Any]) -> Own:
     """The own positions so far, after place and heading have wandered."""
     kept = ca.exp(-drift[1] / 2)
     return Own(
@@ -252,7 +253,7 @@ def read(
     all_there = (p.pose_source != _OWN) * newest * (ca.sumsqr(u.packet_beacon_position) > 0)
     is_own = (given == 0) * (all_there == 0)
     fitted, R = fit(u.packet_beacon_position, p.beacon_offset)
-    white = ca.fmax(p.gps_std, LEAST_GPS_STD) ** 2
+    white = ca.fmax(p.gps_std, LEAST_GPS_STD) ** 2 + (arm[2] * p.tilt_std) ** 2
     all_own = _with(before, own[:2], arm[:2], white, ca.sum1(which))
     position = ca.if_else(given, position, fitted)
     yaw = ca.if_else(given, attitude[2], ca.atan2(R[1, 0], R[0, 0]))
@@ -269,7 +270,8 @@ def read(
             down=ca.if_else(is_own, own[2] - arm[2], position[2]),
             roll=ca.if_else(is_own, 0, roll),
             pitch=ca.if_else(is_own, 0, pitch),
-            tilt_variance=ca.if_else(is_own, p.tilt_std**2, tilt_variance),
+            tilt_variance=ca.if_else(is_own, 0, tilt_variance),
+            own=is_own,
         ),
         platform=ca.if_else(is_own, all_own.place, position[:2]),
         first_heading=ca.if_else(is_own, ca.atan2(all_own.turn[1], all_own.turn[0]), yaw),

@@ -112,7 +112,7 @@ def _placed(x: Symbols, u: Symbols, mean: Any) -> Samples:
         rows.append(ca.horzcat(
             mean[PLATFORM[0]] - age * mean[PLATFORM_VELOCITY[0]] + c * arm[0] - sn * arm[1],
             mean[PLATFORM[1]] - age * mean[PLATFORM_VELOCITY[1]] + sn * arm[0] + c * arm[1],
-            x.platform_down + arm[2],
+            x.platform_down - mean[VERTICAL_ERROR] + arm[2],
         ))
     return replace(s, beacons=ca.vertcat(*rows))
 
@@ -260,7 +260,7 @@ def _pass(p: Symbols, x: Symbols, u: Symbols, mean: Any) -> Values:
     s = _placed(x, u, mean)
     begins = x.passes == least_squares.PASSES
     position = ca.if_else(begins, least_squares.closed_form(s), x.fix)
-    platform = ca.vertcat(mean[list(PLATFORM)], x.platform_down)
+    platform = ca.vertcat(mean[list(PLATFORM)], x.platform_down - mean[VERTICAL_ERROR])
     offset = _offset(p, distance(position, platform.T)[0])
     prior = reciprocal(offset.variance)
     motion = p.prior_velocity_std * (s.newest - s.epoch)
@@ -305,15 +305,15 @@ def _joined(p: Symbols, before: Any, covariance: Any, fix: _Fixed) -> tuple[Any,
     cofactors, determinant = adjugate(doubt * (fix.information - near) + near)
     own = cofactors / determinant
     parts = {CLOCK: offset.clock, SPEED: offset.speed}
+    P = ca.SX(unpack(covariance, STATES))
+    sunk = P[VERTICAL_ERROR, VERTICAL_ERROR]
     fresh = {**dict.fromkeys(VELOCITY, p.prior_velocity_std**2), DEPTH_BIAS: p.depth_bias_std**2,
-             CLOCK: p.clock_std**2, SPEED: p.sound_speed_std**2,
-             VERTICAL_ERROR: p.gps_vertical_error_std**2}
+             CLOCK: p.clock_std**2, SPEED: p.sound_speed_std**2, VERTICAL_ERROR: sunk}
     mean = ca.SX(before)
     mean[list(POSITION)] = fix.position
-    for i in fresh:
+    for i in (*VELOCITY, DEPTH_BIAS, *parts):
         mean[i] = parts.get(i, 0) * fix.value
 
-    P = ca.SX(unpack(covariance, STATES))
     kept = [i for i in range(STATES) if i not in (*POSITION, *fresh)]
     for i in (*POSITION, *fresh):
         for j in range(STATES):
@@ -335,7 +335,6 @@ def _joined(p: Symbols, before: Any, covariance: Any, fix: _Fixed) -> tuple[Any,
     by_bias = -own[:, 2] * (doubt * depth_weight * p.depth_bias_std**2)
     P[list(POSITION), DEPTH_BIAS], P[DEPTH_BIAS, list(POSITION)] = by_bias, by_bias.T
     by_sink = by_depth - ca.SX([0, 0, 1])
-    sunk = p.gps_vertical_error_std**2
     P[list(POSITION), list(POSITION)] += sunk * (by_sink @ by_sink.T)
     P[list(POSITION), VERTICAL_ERROR] = sunk * by_sink
     P[VERTICAL_ERROR, list(POSITION)] = sunk * by_sink.T

@@ -66,12 +66,20 @@ class Pose:
         Best estimates from the reported ones [rad]; see `tilt`.
     tilt_variance
         Variance of each [rad²].
+    own
+        Whether only the beacon's own position is reported: 0 or 1. Then roll, pitch and
+        `tilt_variance` are 0: what tilt does to the beacon is in `down` and `swing`.
+    swing, swing_variance
+        How far tilt moves the beacon, north and east [m], if `own`, and the variance of each [m²].
     """
 
     down: Any
     roll: Any
     pitch: Any
     tilt_variance: Any
+    own: Any = 0.0
+    swing: Sequence[Any] = (0.0, 0.0)
+    swing_variance: Any = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,20 +178,23 @@ def around(m: Any, p: Any, dt: Any) -> tuple[dict[tuple[int, int], Any], ...]:
 
 def drift(
     p: Any, phi: Mapping[tuple[int, int], Any], noise: Mapping[tuple[int, int], Any]
-) -> tuple[Any, Any]:
-    """Variances by which a transition moves p + g, each part [m²], and ψ + e_ψ [rad²].
+) -> tuple[Any, Any, Any]:
+    """Variances by which a transition moves p + g, each part [m²], ψ + e_ψ [rad²] and g_z [m²].
 
     The platform and the errors are assumed to be stationary.
     """
-    def moved(i: int, rate: int, std: Any, error: int, error_std: Any) -> Any:
-        gone = 1 - phi[error, error]
-        return (noise[i, i] + (phi[i, rate] * std) ** 2
-                + noise[error, error] + (gone * error_std) ** 2)
+    def wandered(error: int, std: Any) -> Any:
+        return noise[error, error] + ((1 - phi[error, error]) * std) ** 2
+
+    def moved(i: int, rate: int, std: Any) -> Any:
+        return noise[i, i] + (phi[i, rate] * std) ** 2
 
     return (
-        moved(PLATFORM[0], PLATFORM_VELOCITY[0], p.platform_velocity_std,
-              GPS_ERROR[0], p.gps_markov_std),
-        moved(HEADING, HEADING_RATE, p.heading_rate_std, HEADING_ERROR, p.imu_heading_error_std),
+        moved(PLATFORM[0], PLATFORM_VELOCITY[0], p.platform_velocity_std)
+        + wandered(GPS_ERROR[0], p.gps_markov_std),
+        moved(HEADING, HEADING_RATE, p.heading_rate_std)
+        + wandered(HEADING_ERROR, p.imu_heading_error_std),
+        wandered(VERTICAL_ERROR, p.gps_vertical_error_std),
     )
 
 
@@ -240,7 +251,7 @@ def places(
     Parameters
     ----------
     body
-        The point, north and east at a heading of 0 [m]; (0, 0) for the reference point.
+        The point in the body frame [m]; (0, 0, 0) for the reference point.
     spread
         Variance of the heading that rotates it [rad²]. The rows are the best linear approximation
         over that spread. The variance includes the remainder.
@@ -252,7 +263,7 @@ def places(
     once, twice = m.exp(-spread / 2), m.exp(-2 * spread)
     along = 0.5 * (1 + twice) - once * once
     across = 0.5 * (1 - twice) - spread * once * once
-    variance = m.fmax(p.gps_std, LEAST_GPS_STD) ** 2
+    variance = m.fmax(p.gps_std, LEAST_GPS_STD) ** 2 + (body[2] * p.imu_tilt_std) ** 2
     return tuple(
         Measurement(
             x[PLATFORM[i]] + x[GPS_ERROR[i]] + once * arm[i],
@@ -299,7 +310,8 @@ def range_(m: Any, p: Any, x: Sequence[Any], pose: Pose, body: Sequence[Any]) ->
         Nominal position of the beacon in the body frame [m].
     """
     arm, by_roll, by_pitch = _arms(m, x, pose, body)
-    o = (x[0] - x[PLATFORM[0]] - arm[0], x[1] - x[PLATFORM[1]] - arm[1],
+    o = (x[0] - x[PLATFORM[0]] - arm[0] - pose.swing[0],
+         x[1] - x[PLATFORM[1]] - arm[1] - pose.swing[1],
          x[2] - pose.down + x[VERTICAL_ERROR] - arm[2])
     distance = m.sqrt(m.fmax(o[0] * o[0] + o[1] * o[1] + o[2] * o[2], 1e-12))
     stretch = 1 + x[SPEED]
@@ -307,6 +319,7 @@ def range_(m: Any, p: Any, x: Sequence[Any], pose: Pose, body: Sequence[Any]) ->
     u = tuple(per_metre * a for a in o)
 
     slope = sum((u[0] * v[0] + u[1] * v[1] + u[2] * v[2]) ** 2 for v in (by_roll, by_pitch))
+    lifted = pose.own * (body[0] ** 2 + body[1] ** 2) * p.imu_tilt_std**2
     return Range(
         value=stretch * distance + x[CLOCK],
         row={
@@ -318,7 +331,8 @@ def range_(m: Any, p: Any, x: Sequence[Any], pose: Pose, body: Sequence[Any]) ->
             VERTICAL_ERROR: u[2],
         },
         variance=sounding_variance(p.range_std) + pose.tilt_variance * slope
-        + u[2] ** 2 * p.gps_vertical_std**2,
+        + (u[0] ** 2 + u[1] ** 2) * pose.swing_variance
+        + u[2] ** 2 * (p.gps_vertical_std**2 + lifted),
         u=u,
         arm=arm,
         distance=distance,

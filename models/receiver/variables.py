@@ -82,6 +82,8 @@ CHANNEL = (
     parameter("depth_bias_std", "Prior: standard deviation of the depth sensor's constant error",
               "m", start=0.05, min=0.0),
 )
+SLOWEST_TILT = 4.0
+"""Longest correlation time of tilt [s]: a slower one cannot be told from the platform's motion."""
 PLATFORM = (
     parameter("gps_std", "GPS: standard deviation of the white error, north and east", "m",
               start=0.1, min=0.0),
@@ -105,8 +107,14 @@ PLATFORM = (
               "rad/s", start=0.02, min=0.0),
     parameter("heading_rate_time", "Correlation time of that rate", "s", start=3.0, min=0.01,
               needs=(not_zero("heading_rate_std"),)),
+    parameter("heave_std", "Standard deviation of the depth of the platform's reference point, "
+              "about the surface", "m", start=0.25, min=0.0),
+    parameter("heave_time", "Correlation time of that depth", "s", start=0.8, min=0.01,
+              needs=(not_zero("heave_std"),)),
     parameter("tilt_std", "Standard deviation of the platform's roll and pitch", "rad", start=0.07,
               min=0.0, max=pi / 2),
+    parameter("tilt_time", "Correlation time of roll and pitch", "s", start=0.8, min=0.01,
+              max=SLOWEST_TILT, needs=(not_zero("tilt_std"),)),
     parameter("imu_heading_std", "IMU: standard deviation of the heading's white error", "rad",
               min=0.0),
     parameter("imu_heading_error_std", "IMU: standard deviation of the heading's Gauss-Markov "

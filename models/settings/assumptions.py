@@ -11,9 +11,10 @@ from typing import Any
 
 from ..acoustics.contents import PLACED
 from ..acoustics.schedules import SCHEDULES
+from ..receiver.variables import SLOWEST_TILT
 from ..symbols import absolute
 from .beacons import beacons_of
-from .either import both, degrees, greatest, hypot, ratio, sqrt, symbolic, where
+from .either import both, clipped, degrees, greatest, hypot, ratio, sqrt, symbolic, where
 from .keys import OF_RECEIVERS, start_of, within
 from .packets import pose_source
 
@@ -21,6 +22,8 @@ _ROOT_2, _ROOT_12 = math.sqrt(2), math.sqrt(12)
 _DRIFT_MEMORY = 100.0
 """In this time [s], a clock with drift δ₁ strays as far as the random walk of `clock_walk_psd`."""
 _LEAST_OUTLIER_PROBABILITY = 0.01
+_STILL = 1e6
+"""Correlation time [s] of what does not move."""
 _MOUNTING_MEMORY = 10.0
 """An error of a beacon's position counts as noise that would be as large after averaging over twice
 this time [s]. Measured: see ``models/receiver/README.md``."""
@@ -56,7 +59,17 @@ SOURCES: Mapping[str, Sequence[str]] = {
     ),
     "heading_rate_std_deg_s": ("platform.yaw_amplitude_deg", "platform.yaw_frequency_Hz"),
     "heading_rate_time_s": ("platform.yaw_amplitude_deg", "platform.yaw_frequency_Hz"),
+    "heave_std_m": (
+        "platform.heave_amplitude_m", "platform.mean_position_m",
+    ),
+    "heave_time_s": (
+        "platform.heave_amplitude_m", "platform.heave_frequency_Hz", "platform.mean_position_m",
+    ),
     "tilt_std_deg": ("platform.roll_amplitude_deg", "platform.pitch_amplitude_deg"),
+    "tilt_time_s": (
+        "platform.roll_amplitude_deg", "platform.roll_frequency_Hz",
+        "platform.pitch_amplitude_deg", "platform.pitch_frequency_Hz",
+    ),
     "imu_heading_std_deg": ("platform.imu_heading_std_deg", *_ANGLES),
     "imu_heading_error_std_deg": (
         "platform.imu_heading_bias_deg", "platform.imu_heading_turn_on_std_deg",
@@ -146,7 +159,9 @@ def assumed(
         **_motion(platform, ("surge", "sway"), "platform_velocity_std_m_s",
                   "platform_velocity_time_s"),
         **_motion(platform, ("yaw",), "heading_rate_std_deg_s", "heading_rate_time_s"),
+        **_heave(platform),
         "tilt_std_deg": hypot(roll, pitch) / 2,
+        "tilt_time_s": clipped(_memory(*_squares(platform, ("roll", "pitch"))), 0.01, SLOWEST_TILT),
         "imu_heading_std_deg": _with(turn, platform.imu_heading_std_deg),
         **_heading_error(platform),
         "imu_tilt_std_deg": _with(
@@ -250,6 +265,13 @@ def _heading_error(platform: Any) -> dict[str, Any]:
     }
 
 
+def _heave(platform: Any) -> dict[str, Any]:
+    """RMS depth of the platform's reference point, and the matching correlation time."""
+    place, rate = _squares(platform, ("heave",))
+    place += platform.mean_position_m[2] ** 2
+    return {"heave_std_m": sqrt(place), "heave_time_s": _memory(place, rate)}
+
+
 def _vertical_error(platform: Any) -> dict[str, Any]:
     """The long-lasting vertical error of the GPS."""
     markov = platform.gps_vertical_markov_std_m
@@ -296,6 +318,12 @@ def clock(acoustics: Any) -> dict[str, Any]:
 
 def _motion(platform: Any, axes: Sequence[str], std: str, time: str) -> dict[str, Any]:
     """RMS rate per axis of sinusoids, and the matching correlation time [s]."""
+    place, rate = _squares(platform, axes)
+    return {std: sqrt(rate / len(axes)), **_known(time, rate > 0, sqrt(ratio(place, rate)))}
+
+
+def _squares(platform: Any, axes: Sequence[str]) -> tuple[Any, Any]:
+    """Mean squares of sinusoids and of their rates, summed over axes."""
     place: Any = 0.0
     rate: Any = 0.0
     for axis in axes:
@@ -303,4 +331,9 @@ def _motion(platform: Any, axes: Sequence[str], std: str, time: str) -> dict[str
         amplitude = getattr(platform, f"{axis}_amplitude_{unit}")
         place += amplitude**2 / 2
         rate += (2 * math.pi * getattr(platform, f"{axis}_frequency_Hz") * amplitude) ** 2 / 2
-    return {std: sqrt(rate / len(axes)), **_known(time, rate > 0, sqrt(ratio(place, rate)))}
+    return place, rate
+
+
+def _memory(place: Any, rate: Any) -> Any:
+    """Correlation time [s] of a process with these mean squares of value and rate."""
+    return where(rate > 0, sqrt(ratio(place, rate)), _STILL)

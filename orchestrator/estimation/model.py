@@ -11,19 +11,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from sblcosim.models.declaration import number_of
-from sblcosim.models.receiver import surroundings
+from sblcosim.models.receiver import surroundings, waves
 from sblcosim.models.receiver.bound import ANYWHERE, FAR_STD
 from sblcosim.models.receiver.receivers.coupled import COMPONENT as COUPLED
 from sblcosim.models.receiver.surroundings import (
     HEADING,
     PLATFORM,
     POSITION,
-    STATES,
     VELOCITY,
     Measurement,
     Pose,
 )
 from sblcosim.models.receiver.variables import INITIALISATION
+from sblcosim.models.receiver.waves import STATES
 from sblcosim.models.settings.keys import in_si
 
 from ..data.estimates import Integers
@@ -85,7 +85,7 @@ class Rows:
     node
         Index of the epoch; shape (m,).
     H, residual, variance
-        Row, measured minus predicted, and variance of the white noise; shape (m, 19), (m,), (m,).
+        Row, measured minus predicted, and variance of the white noise; shape (m, 22), (m,), (m,).
     is_range
         Whether it is a range, which may be late; shape (m,).
     """
@@ -98,7 +98,10 @@ class Rows:
 
 
 def pose_of(p: Any, samples: Samples) -> Pose:
-    """What the packets say about the platform besides position and heading; shape (m,)."""
+    """What the packets say about the platform besides position and heading; shape (m,).
+
+    Swing is a state: see `sblcosim.models.receiver.waves`.
+    """
     roll, variance = surroundings.tilt(p, samples.attitude[:, 0])
     pitch, _ = surroundings.tilt(p, samples.attitude[:, 1])
     arm = p.beacon_offset[samples.beacon]
@@ -106,7 +109,8 @@ def pose_of(p: Any, samples: Samples) -> Pose:
         down=samples.position[:, 2] - np.where(samples.has_pose, 0.0, arm[:, 2]),
         roll=np.where(samples.has_pose, roll, 0.0),
         pitch=np.where(samples.has_pose, pitch, 0.0),
-        tilt_variance=np.where(samples.has_pose, variance, p.tilt_std**2),
+        tilt_variance=np.where(samples.has_pose, variance, 0.0),
+        own=np.where(samples.has_pose, 0.0, 1.0),
     )
 
 
@@ -116,7 +120,7 @@ def rows(p: Any, samples: Samples, trajectory: Floats) -> Rows:
     Parameters
     ----------
     trajectory
-        States at the epochs of the samples; shape (n, 19).
+        States at the epochs of the samples; shape (n, 22).
     """
     parts = [*_parts(p, samples, trajectory)]
     node, kind = (np.concatenate([part[i] for part in parts]) for i in (0, 1))
@@ -125,7 +129,7 @@ def rows(p: Any, samples: Samples, trajectory: Floats) -> Rows:
     return Rows(node[order], H, residual, variance, kind[order] == _RANGE)
 
 
-_RANGE = 4
+_RANGE = 5
 _Part = tuple[Indices, Indices, Floats, Floats, Floats]
 
 
@@ -147,22 +151,23 @@ def _parts(p: Any, samples: Samples, trajectory: Floats) -> Iterator[_Part]:
 
     node = np.searchsorted(epochs, samples.range_ns)
     x, arm = [*trajectory[node].T], [*p.beacon_offset[samples.beacon].T]
-    fresh = samples.has_own_pose
-    place, body = [v[fresh] for v in x], [
-        np.where(samples.has_pose, 0.0, arm[i])[fresh] for i in (0, 1)
-    ]
-    for i, row in enumerate(surroundings.places(np, p, place, body)):
+    fresh, pose = samples.has_own_pose, pose_of(p, samples)
+    place, body = [v[fresh] for v in x], [v[fresh] for v in arm]
+    own = pose.own[fresh]
+    yield part(4, node[fresh], waves.down(np, p, place, own, body), pose.down[fresh])
+    point = [own * v for v in body]
+    for i, row in enumerate(waves.places(np, p, place, point)):
         yield part(1 + i, node[fresh], row, samples.position[fresh, i])
     said = samples.has_pose & fresh
     if said.any():
         row = surroundings.heading(np, p, [v[said] for v in x])
         yield part(3, node[said], row, samples.attitude[said, 2], wrapped=True)
-    row = surroundings.range_(np, p, x, pose_of(p, samples), arm)
+    row = waves.range_(np, p, x, pose, arm)
     yield part(_RANGE, node, row, samples.range)
 
 
 def prior(p: Any, begin: Floats) -> tuple[Floats, Floats]:
-    """Mean and standard deviations at the start, shape (19,).
+    """Mean and standard deviations at the start, shape (22,).
 
     Parameters
     ----------
@@ -170,7 +175,7 @@ def prior(p: Any, begin: Floats) -> tuple[Floats, Floats]:
         State at the beginning of the first trajectory, about which states without a prior start.
     """
     mean, std = np.zeros(STATES), np.zeros(STATES)
-    for i, value in surroundings.prior_stds(p).items():
+    for i, value in waves.prior_stds(p).items():
         std[i] = value
     std[list(VELOCITY)] = p.prior_velocity_std
     if p.initialisation == PRIOR:
@@ -184,8 +189,8 @@ def prior(p: Any, begin: Floats) -> tuple[Floats, Floats]:
 
 
 def transition(p: Any, dt: float) -> tuple[Floats, Floats]:
-    """Φ and Q over dt [s]; (19, 19) each."""
-    phi, noise = surroundings.transition(np, p, dt)
+    """Φ and Q over dt [s]; (22, 22) each."""
+    phi, noise = waves.transition(np, p, dt)
     Phi, Q = np.eye(STATES), np.zeros((STATES, STATES))
     for (i, j), value in phi.items():
         Phi[i, j] = value

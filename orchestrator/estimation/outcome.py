@@ -15,10 +15,10 @@ from sblcosim.models.receiver.surroundings import (
     POSITION,
     SPEED,
     VELOCITY,
-    VERTICAL_ERROR,
     WIDEST,
     crescent,
 )
+from sblcosim.models.receiver.waves import HEAVE
 
 from ..data.estimates import Estimates
 from ..data.samples import Samples
@@ -39,20 +39,15 @@ def of_states(
     Parameters
     ----------
     mean, covariance
-        Shape (n, 19), (n, 19, 19).
+        Shape (n, 22), (n, 22, 22).
     """
     epochs = samples.epochs_ns
-    heard = np.searchsorted(samples.range_ns, epochs, side="right") - 1
-    down = np.asarray(model.pose_of(p, samples).down)[np.maximum(heard, 0)]
-    # x − p, with the platform's depth as reported minus its slow error
-    D = np.zeros((3, mean.shape[1]))
+    D = np.zeros((3, mean.shape[1]))  # x − p
     D[range(3), POSITION] = 1
     D[range(2), PLATFORM] = -1
-    D[2, VERTICAL_ERROR] = 1
+    D[2, HEAVE] = -1
     relative = mean @ D.T
-    relative[:, 2] -= down
     relative_covariance = D @ covariance @ D.T
-    relative_covariance[:, 2, 2] += p.gps_vertical_std**2
     bent = bent_by(relative[:, :2], relative_covariance[:, :2, :2])
     relative_covariance[:, :2, :2] += bent
     own = covariance[:, ORDER][:, :, ORDER]
@@ -66,9 +61,7 @@ def of_states(
         covariance=own,
         relative_position=relative,
         relative_covariance=relative_covariance,
-        platform_position=np.column_stack(
-            [mean[:, list(PLATFORM)], down - mean[:, VERTICAL_ERROR]]
-        ),
+        platform_position=mean[:, [*PLATFORM, HEAVE]],
         clock_offset=mean[:, CLOCK] / c,
         sound_speed=c / (1 + mean[:, SPEED]),
     ).chosen(epochs >= first_ns(p, samples))

@@ -12,6 +12,7 @@ hardly change therefore do not die out. All these filters share one covariance, 
   position and the error of its GPS. y is drawn when a range comes, and known from then on;
 - (z, v, d): depth, its rate and the error of the sensor; z is drawn with y;
 - (β, κ, g_z): clock, sound speed, and the slow error of the GPS, down;
+- the platform's depth: `sblcosim.models.receiver.waves.Heave`, common to all;
 - the reported heading and its rate. Its white error counts as range noise. If a packet holds only
 its own beacon's position, the heading is drawn before that is used. Its slow error rotates the
 whole track about the platform, which is unobservable: it appears only in the covariance.
@@ -28,7 +29,7 @@ from typing import Any
 import numpy as np
 from sblcosim.fmus import stopping
 from sblcosim.fmus.stopping import interruptible
-from sblcosim.models.receiver import surroundings
+from sblcosim.models.receiver import surroundings, waves
 from sblcosim.models.receiver.surroundings import (
     CLOCK,
     DEPTH_BIAS,
@@ -41,11 +42,11 @@ from sblcosim.models.receiver.surroundings import (
     PLATFORM_VELOCITY,
     POSITION,
     SPEED,
-    STATES,
     VELOCITY,
     VERTICAL_ERROR,
     Pose,
 )
+from sblcosim.models.receiver.waves import STATES, Heave
 
 from ..data.estimates import Estimates
 from ..data.samples import Samples
@@ -171,21 +172,24 @@ def filtered(p: Any, samples: Samples, particles: int, seed: int) -> Estimates:
     depths = dict(zip(samples.depth_ns.tolist(), samples.depth.tolist(), strict=True))
     poses = _poses(p, samples)
     cloud = begun(p, particles)
-    then, located, down = samples.start_ns, p.initialisation == model.PRIOR, 0.0
+    then, located, heave = samples.start_ns, p.initialisation == model.PRIOR, waves.no_heave(p)
     first, fresh = outcome.first_ns(p, samples), samples.has_own_pose
     rows: list[tuple[Any, ...]] = []
     for epoch in samples.epochs_ns.tolist():
         stopping.check()
-        cloud = predicted(p, cloud, (epoch - then) / 1e9)
+        dt = (epoch - then) / 1e9
+        cloud, heave = predicted(p, cloud, dt), _heave_later(p, heave, dt)
         if epoch in depths:
             cloud = sounded(p, cloud, depths[epoch])
         for i in np.flatnonzero(samples.range_ns == epoch):
-            body, down = [*p.beacon_offset[samples.beacon[i]]], float(poses[i].down)
+            body = [*p.beacon_offset[samples.beacon[i]]]
+            if fresh[i]:
+                cloud, heave = floated(p, cloud, heave, poses[i], body)
             if not fresh[i]:
                 pass  # the pose of this epoch has already been used
             elif samples.has_pose[i]:
                 cloud = headed(p, cloud, samples.attitude[i, 2])
-                cloud = placed(p, cloud, samples.position[i], [0.0, 0.0])
+                cloud = placed(p, cloud, samples.position[i], [0.0, 0.0, 0.0])
             else:
                 cloud = placed(p, turned(cloud, rng), samples.position[i], body)
             if located:
@@ -197,7 +201,7 @@ def filtered(p: Any, samples: Samples, particles: int, seed: int) -> Estimates:
             cloud = resampled(ranged(p, cloud, poses[i], body, samples.range[i]), rng)
         then = epoch
         if located and epoch >= first:
-            rows.append((epoch, *moments(p, cloud, down)))
+            rows.append((epoch, *moments(p, cloud, heave)))
     if not rows:
         raise ConfigurationError("record: must have ranges and depths, for a first fix, got none")
     columns = map(np.array, zip(*rows, strict=True))
@@ -205,10 +209,14 @@ def filtered(p: Any, samples: Samples, particles: int, seed: int) -> Estimates:
 
 
 def _poses(p: Any, samples: Samples) -> list[Pose]:
-    """The pose of each packet."""
+    """The pose of each packet. Swing counts as noise."""
     said = model.pose_of(p, samples)
-    columns = (said.down, said.roll, said.pitch, said.tilt_variance)
-    return [Pose(*row) for row in zip(*columns, strict=True)]
+    noise = said.own * (p.beacon_offset[samples.beacon, 2] * p.tilt_std) ** 2
+    columns = (said.down, said.roll, said.pitch, said.tilt_variance, said.own, noise)
+    return [
+        Pose(down, roll, pitch, variance, own, (0.0, 0.0), swing)
+        for down, roll, pitch, variance, own, swing in zip(*columns, strict=True)
+    ]
 
 
 def begun(p: Any, n: int) -> Cloud:
@@ -246,6 +254,11 @@ def predicted(p: Any, cloud: Cloud, dt: float) -> Cloud:
     )
 
 
+def _heave_later(p: Any, heave: Heave, dt: float) -> Heave:
+    phi, noise = surroundings.transition(np, p, dt)
+    return waves.heave_later(np, p, heave, dt, 0.0, surroundings.drift(p, phi, noise)[2])
+
+
 def _gain(P: Floats, h: Floats, R: float) -> tuple[Floats, float, Floats]:
     """Gain, variance of the innovation, and covariance after a scalar measurement."""
     c = P @ h
@@ -261,6 +274,22 @@ def sounded(p: Any, cloud: Cloud, depth: float) -> Cloud:
         cloud, log_weight=cloud.log_weight - 0.5 * off**2 / S,
         down=cloud.down + off[:, None] * K, P_down=P,
     )
+
+
+def floated(
+    p: Any, cloud: Cloud, heave: Heave, pose: Pose, body: list[float]
+) -> tuple[Cloud, Heave]:
+    """A reported depth of the platform."""
+    row = waves.down_after(np, p, heave, pose.own, body)
+    slope = row.row[VERTICAL_ERROR]
+    c = slope * cloud.P_slow[:, 2]
+    S = slope * c[:, 2] + row.variance
+    K = c / S[:, None]
+    off = pose.down - row.value - slope * cloud.slow[:, 2]
+    return replace(
+        cloud, log_weight=cloud.log_weight - 0.5 * (off**2 / S + np.log(S)),
+        slow=cloud.slow + off[:, None] * K, P_slow=cloud.P_slow - K[:, :, None] * c[:, None, :],
+    ), waves.heaved(heave, row, pose.down, 1)
 
 
 def headed(p: Any, cloud: Cloud, heading: float) -> Cloud:
@@ -285,7 +314,8 @@ def turned(cloud: Cloud, rng: np.random.Generator) -> Cloud:
 
 def placed(p: Any, cloud: Cloud, place: Floats, body: list[float]) -> Cloud:
     """Reported position of a point of the platform; ``body`` is its body-frame position."""
-    K, S, P = _gain(cloud.P_flat, _PLACE, max(p.gps_std, LEAST_GPS_STD) ** 2)
+    R = max(p.gps_std, LEAST_GPS_STD) ** 2 + body[2] ** 2 * (p.tilt_std**2 + p.imu_tilt_std**2)
+    K, S, P = _gain(cloud.P_flat, _PLACE, R)
     c, s = np.cos(cloud.turn[:, 0]), np.sin(cloud.turn[:, 0])
     arm = np.column_stack([c * body[0] - s * body[1], s * body[0] + c * body[1]])
     off = place[:2] - arm - cloud.flat @ _PLACE
@@ -337,7 +367,7 @@ def anywhere(
     at: list[Any] = [0.0] * STATES
     at[HEADING] = cloud.turn[:, 0]
     arm = surroundings.arm_of(np, at, pose, body)
-    far = np.sqrt(np.maximum(slant**2 - (depth - pose.down - arm[2]) ** 2, 0))
+    far = np.sqrt(np.maximum(slant**2 - (depth - pose.down + cloud.slow[:, 2] - arm[2]) ** 2, 0))
     bearing = rng.uniform(-np.pi, np.pi, n)
     # Nothing is known about x, so y says nothing about the platform.
     P = cloud.P_flat.copy()
@@ -385,13 +415,13 @@ def resampled(cloud: Cloud, rng: np.random.Generator) -> Cloud:
     return replace(cloud, log_weight=np.zeros(n), **taken)
 
 
-def moments(p: Any, cloud: Cloud, down: float) -> tuple[Any, ...]:
+def moments(p: Any, cloud: Cloud, heave: Heave) -> tuple[Any, ...]:
     """The posterior as a Gaussian: the fields `_MOMENTS` of `Estimates`."""
     weight, n = cloud.weight, len(cloud.log_weight)
     y, v, place = cloud.flat[:, :, 0], cloud.flat[:, :, 1], cloud.flat[:, :, 3]
     z, rate = cloud.down[:, :1], cloud.down[:, 1:2]
     x, speed = np.hstack([y + place, z]), np.hstack([v, rate])
-    seen = np.hstack([y, z - down + cloud.slow[:, 2:]])
+    seen = np.hstack([y, z - heave.down + heave.share * cloud.slow[:, 2:]])
     covariance = _covariance(weight, np.stack([x, speed], axis=2).reshape(n, 6))
     relative = _covariance(weight, seen)
     # Within each particle
@@ -400,7 +430,8 @@ def moments(p: Any, cloud: Cloud, down: float) -> tuple[Any, ...]:
         covariance[i : i + 2, i : i + 2] += T @ cloud.P_flat @ T.T
         covariance[i, i] += p.gps_bias_std**2
     covariance[4:, 4:] += cloud.P_down[:2, :2]
-    deep = cloud.P_down[0, 0] + weight @ cloud.P_slow[:, 2, 2] + p.gps_vertical_std**2
+    sinking = heave.share**2 * (weight @ cloud.P_slow[:, 2, 2])
+    deep = cloud.P_down[0, 0] + sinking + heave.variance
     relative += np.diag([cloud.P_flat[0, 0]] * 2 + [deep])
     # The slow error of the heading rotates y; nothing separates it from a rotation of the diver.
     turned = p.imu_heading_error_std * (weight @ y)[::-1] * [-1, 1]
@@ -410,7 +441,7 @@ def moments(p: Any, cloud: Cloud, down: float) -> tuple[Any, ...]:
     c = p.assumed_sound_speed
     return (
         weight @ x, weight @ speed, covariance, weight @ seen, relative,
-        np.append(weight @ place, down - sunk), beta / c, c / (1 + kappa),
+        np.append(weight @ place, heave.down - heave.share * sunk), beta / c, c / (1 + kappa),
     )
 
 

@@ -36,8 +36,7 @@ class Track(Shown):
     epochs_ns
         Epochs [ns]; shape (n,).
     mean, covariance
-        Of the states of `sblcosim.models.receiver.surroundings` at these epochs; (n, 19), (n, 19,
-        19).
+        Of the states of `sblcosim.models.receiver.waves` at these epochs; (n, 22), (n, 22, 22).
     punctual
         Probability that each range is punctual, in the order of the samples; shape (m,).
     steps_m
@@ -64,7 +63,7 @@ def smooth(p: Any, samples: Samples, trajectory: Floats, passes: int = PASSES) -
     p
         Parameters of `coupled`; see `sblcosim.estimation.model.parameters`.
     trajectory
-        Starting point: states at the epochs of the samples; shape (n, 19). The positions should be
+        Starting point: states at the epochs of the samples; shape (n, 22). The positions should be
         close; the motion does not matter.
     passes
         Maximum number of passes.

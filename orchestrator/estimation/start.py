@@ -14,10 +14,10 @@ from sblcosim.models.receiver.surroundings import (
     PLATFORM,
     POSITION,
     SPEED,
-    STATES,
     VELOCITY,
     VERTICAL_ERROR,
 )
+from sblcosim.models.receiver.waves import HEAVE, STATES
 
 from ..data.record import Record
 from ..data.samples import Samples
@@ -80,7 +80,7 @@ def run_coupled(record: Record, p: Any, scenario: Scenario) -> Record:
 
 
 def trajectory(record: Record, label: str, p: Any, samples: Samples) -> Floats:
-    """States at the epochs of the samples, from the estimates of `coupled`; shape (n, 19).
+    """States at the epochs of the samples, from the estimates of `coupled`; shape (n, 22).
 
     Raises
     ------
@@ -109,6 +109,7 @@ def trajectory(record: Record, label: str, p: Any, samples: Samples) -> Floats:
     said = np.asarray(model.pose_of(p, samples).down)[np.maximum(heard, 0)]
     platform = record.values[f"{label}.platform_position"][row]
     at[:, list(PLATFORM)] = at_epochs(platform[:, :2])
+    at[:, [HEAVE]] = at_epochs(platform[:, 2])
     at[:, [VERTICAL_ERROR]] = at_epochs(said - platform[:, 2])
     c = p.assumed_sound_speed
     at[:, [CLOCK]] = at_epochs(record.values[f"{label}.clock_offset"][row] * c)

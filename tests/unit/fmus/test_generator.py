@@ -48,6 +48,16 @@ def test_the_larger_of_a_value_and_a_constant_needs_no_look_for_a_nan() -> None:
     assert others.count("r_fm") == 3
 
 
+def test_each_sine_and_cosine_is_declared_once() -> None:
+    """CasADi does not merge equal nodes: one argument may have several sines and cosines."""
+    x = ca.SX.sym("x")
+    angles = [ca.cos(x), ca.sin(x), ca.sin(x), ca.cos(x), ca.sin(x)]
+    text = "\n".join(lines(ca.vertcat(*(k * v for k, v in enumerate(angles, 2))), x))
+    declared = re.findall(r"(?:real |, )(a\d+)(?=[ ,;])", text)
+    assert sorted(set(declared)) == sorted(declared)
+    assert set(re.findall(r"a\d+", text)) == set(declared)
+
+
 @pytest.mark.parametrize("name", COMPONENTS)
 def test_each_state_has_a_place_of_its_own(name: str) -> None:
     places = state_indices(load(name))

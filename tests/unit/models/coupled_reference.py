@@ -7,6 +7,7 @@ and a start is least squares over position and clock by SciPy. Nothing is taken 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from typing import Any
 
 import numpy as np
@@ -107,6 +108,37 @@ def retract(mean: Array, P: Array, d: Array) -> tuple[Array, Array]:
     return retracted(mean, d), A @ P @ A.T
 
 
+class Beside:
+    """What is filtered beside the state: a − C x + error, with states x and variance V."""
+
+    def __init__(self, size: int, std: float, time: float) -> None:
+        self.a, self.C, self.V = np.zeros(size), np.zeros((size, N)), std**2
+        self.std, self.time = std, time
+
+    def at(self, x: Any) -> Any:
+        return self.a - self.C @ x
+
+    def predict(self, dt: float, change: Array, drift: Callable[[Array], float]) -> None:
+        """The state changes by `change`; C x by that and something of variance drift(C)."""
+        left = np.exp(-dt / self.time)
+        self.C = left * self.C
+        self.a = left * self.a + self.C @ change
+        self.V = left**2 * self.V + drift(self.C) + self.std**2 * (1 - left**2)
+
+    def innovation(
+        self, x: Array, off: Array, H: Array, lever: float, R: Array
+    ) -> tuple[Array, Array, Array]:
+        """Of measurements H x + lever times this, `off` from H x: what it says of the state."""
+        return off - lever * self.at(x), H - lever * self.C, R + lever**2 * self.V
+
+    def update(self, x: Array, off: Array, H: Array, lever: float, R: float) -> None:
+        gain = lever * self.V / (lever**2 * self.V + R)
+        at = self.at(x) + gain * (off - lever * self.at(x))
+        self.C = self.C + gain * (H - lever * self.C)
+        self.a = at + self.C @ x
+        self.V *= 1 - gain * lever
+
+
 class Reference:
     """One receiver; `tick` takes its inputs, attributes are its outputs."""
 
@@ -118,6 +150,11 @@ class Reference:
         self.nis, self.degrees, self.epoch, self.depth_epoch = 0.0, 0, 0.0, 0.0
         self.counts = np.zeros(4)
         self.down, self.pose_epoch = 0.0, 0.0
+        self.heave = Beside(1, p["heave_std"], p["heave_time"])
+        self.swing = Beside(2, p["tilt_std"], p["tilt_time"])
+        self.lead: Reference = self  # whose heave and swing these are
+        self.before = (self.heave, self.swing)
+        self.angle, self.sounded = 0.0, -1.0
         self.arm = np.zeros((4, 3))
         self.own, self.own_P, self.own_count = np.zeros(4), np.diag([0.0, 0.0, 0.5, 0.5]), 0
         self.mean = np.zeros(N)
@@ -166,6 +203,9 @@ class Reference:
         """Take a sample: the depth, or the packet of a beacon, counted from 1."""
         self.predict(max(epoch - self.epoch, 0.0))
         self.epoch = max(epoch, self.epoch)
+        if which == 0 or self.sounded != epoch:  # a depth and a packet are one
+            self.angle = self.mean[PSI] + self.mean[E_PSI]
+        self.sounded = epoch if which == 0 else -1.0
         if which:
             self.packet(u, which - 1, using)
         elif using:
@@ -181,7 +221,8 @@ class Reference:
     def predict(self, dt: float) -> None:
         """Propagate by dt."""
         F, Q = self.transition(dt)
-        self.mean = F @ self.mean
+        change = F @ self.mean - self.mean
+        self.mean = self.mean + change
         self.P = F @ self.P @ F.T + Q
 
         p = self.p
@@ -195,6 +236,17 @@ class Reference:
 
         turned = far("heading_rate") + off("imu_heading_error_std", "imu_heading_error_time")
         went = far("platform_velocity") + off("gps_markov_std", "gps_correlation_time")
+        sank = off("gps_vertical_error_std", "gps_vertical_error_time")
+        if self.lead is self:
+            self.heave.predict(dt, change, lambda C: sank * C[0, SINK] ** 2)
+            self.swing.predict(
+                dt, change, lambda C: went * C[0, 6] ** 2 + turned * (C[:, PSI] @ C[:, PSI]) / 2
+            )
+            self.before = copy(self.heave), copy(self.swing)
+        else:
+            self.before, self.heave, self.swing = (
+                self.lead.before, self.lead.heave, self.lead.swing
+            )
         keep = np.exp(-turned / 2)
         F = np.diag([1, 1, keep, keep])
         self.own = F @ self.own
@@ -203,7 +255,7 @@ class Reference:
     def own_place(self, z: Array, b: Array) -> None:
         """Where a beacon said it was: of (p + g, cos, sin), linear."""
         H = np.array([[1, 0, b[0], -b[1]], [0, 1, b[1], b[0]]])
-        R = max(self.p["gps_std"], 0.01) ** 2 * np.eye(2)
+        R = (max(self.p["gps_std"], 0.01) ** 2 + (b[2] * self.p["tilt_std"]) ** 2) * np.eye(2)
         if self.own_count == 0:  # nothing is known of the place: it is z less the rest
             T = np.vstack([np.hstack([np.zeros((2, 2)), -H[:, 2:]]), np.eye(4)[2:]])
             self.own = T @ self.own
@@ -274,7 +326,7 @@ class Reference:
         p = self.p
         newest = u["range_epoch"][i] == u["range_epoch"].max()
         body, own = p["beacon_offset"][i], u["ping_beacon_position"][i]
-        self.own_place(own[:2], body[:2])
+        self.own_place(own[:2], body)
         source, attitude, variance, enough = p["pose_source"], None, 0.0, True
         if source == 1 and (u["ping_platform_position"][i].any()
                             or u["ping_platform_attitude"][i].any()):
@@ -292,6 +344,7 @@ class Reference:
             self.located = True
             states = [6, 7, PSI]
             self.mean[states] = [*position[:2], first[2]]
+            self.angle = first[2]
             self.P[states, :] = self.P[:, states] = 0
             self.P[states, states] = [900, 900, 100]
             if attitude is None:  # ψ + e_ψ is what they say
@@ -299,23 +352,48 @@ class Reference:
                 self.P[PSI, PSI] = variance + self.P[E_PSI, E_PSI]
                 self.P[PSI, E_PSI] = self.P[E_PSI, PSI] = -self.P[E_PSI, E_PSI]
         own_square, white = p["tilt_std"] ** 2, p["imu_tilt_std"] ** 2
+        fresh = attitude is None or u["range_epoch"][i] != self.pose_epoch
         if attitude is None:
-            self.down, roll, pitch, tilt_variance = own[2] - body[2], 0.0, 0.0, own_square
+            self.down, roll, pitch, tilt_variance = own[2] - body[2], 0.0, 0.0, 0.0
+            self.floated((own_square + white) * (body[:2] @ body[:2]))
         else:
             trust = own_square / (own_square + white) if own_square else 0.0
             self.down, tilt_variance = position[2], trust * white
             roll, pitch = trust * attitude[0], trust * attitude[1]
+            if fresh:
+                self.floated(0.0)
         self.arm[i] = rotation(roll, pitch, 0.0) @ body
         if not self.located:
             self.pose_epoch = u["range_epoch"][i]
             return
         if attitude is None:
-            self.place(own[:2], body)
-        elif u["range_epoch"][i] != self.pose_epoch:
+            self.place(own[:2], body, variance)
+        elif fresh:
             self.pose(position, attitude[2])
         self.pose_epoch = u["range_epoch"][i]
         if using:
-            self.range(u["range"][i], body, roll, pitch, tilt_variance)
+            lever = body[2] if attitude is None else 0.0
+            self.range(u["range"][i], body, (roll, pitch), tilt_variance, lever, attitude is None)
+
+    def floated(self, variance: Any) -> None:
+        """A reported depth of the platform; of the state it corrects its slow error alone."""
+        H = np.zeros((1, N))
+        H[0, SINK] = 1
+        off = self.down - H @ self.mean
+        R = np.array([max(self.p["gps_vertical_std"], 1e-3) ** 2 + variance])
+        nu, across, S = self.before[0].innovation(self.mean, off, H, 1.0, R)
+        slope, before = across[0, SINK], self.mean
+        gain = np.zeros(N)
+        gain[SINK] = self.P[SINK, SINK] * slope / (slope**2 * self.P[SINK, SINK] + S[0])
+        self.partly(gain, across[0], nu[0], S[0])
+        if self.lead is self:
+            self.heave.update(before, off, H, 1.0, R[0])
+
+    def partly(self, gain: Array, H: Array, nu: float, R: float) -> None:
+        """A scalar update with any gain."""
+        rest = np.eye(N) - np.outer(gain, H)
+        self.mean = self.mean + gain * nu
+        self.P = rest @ self.P @ rest.T + R * np.outer(gain, gain)
 
     def pose(self, position: Array, heading: float) -> None:
         """A reported position and heading: linear, so that one correction is all three."""
@@ -326,18 +404,28 @@ class Reference:
         z[2] = (z[2] + np.pi) % (2 * np.pi) - np.pi
         self.batch(z, H, np.diag([R, R, max(self.p["imu_heading_std"], 1e-3) ** 2]))
 
-    def place(self, place: Array, body: Array) -> None:
-        """A reported place of a beacon, with the best line over the heading's spread."""
+    def place(self, place: Array, body: Array, variance: float) -> None:
+        """A reported place of a beacon. `variance`: of the heading, from own positions alone."""
         spread = self.P[np.ix_([PSI, E_PSI], [PSI, E_PSI])].sum()
+        value, H, R = self.seen(self.mean, body, spread)
+        nu, along, S = self.before[1].innovation(self.mean, place - value, H, body[2], R)
+        self.batch(nu, along, np.diag(S))
+        if self.lead is self:
+            at = np.zeros(N)
+            at[PSI] = self.angle
+            value, H, R = self.seen(at, body, variance)
+            self.swing.update(at, place - value, H, body[2], R.mean())
+
+    def seen(self, x: Array, body: Array, spread: float) -> tuple[Array, Array, Array]:
+        """North and east of a beacon without swing: the best line over the heading's spread."""
         k, by_cos, by_sin = wrapped_moments(spread)
-        arm = turn(self.mean[PSI] + self.mean[E_PSI]) @ body[:2]
-        across = J @ arm
+        arm = turn(x[PSI] + x[E_PSI]) @ body[:2]
 
         def h(x: Any) -> Any:
             return x[P_] + x[G] + k * (turn(x[PSI] + x[E_PSI]) @ body[:2])
 
-        R = max(self.p["gps_std"], 0.01) ** 2 + by_cos * arm**2 + by_sin * across**2
-        self.batch(place - h(self.mean), gradient(h, self.mean), np.diag(R))
+        R = max(self.p["gps_std"], 0.01) ** 2 + (body[2] * self.p["imu_tilt_std"]) ** 2
+        return h(x), gradient(h, x), R + by_cos * arm**2 + by_sin * (J @ arm) ** 2
 
     def batch(self, z: Array, H: Array, R: Array) -> None:
         """A linear update with several measurements at once."""
@@ -347,14 +435,15 @@ class Reference:
         self.correct(K @ z)
 
     def range(
-        self, z: float, body: Array, roll: float, pitch: float, tilt_variance: float
+        self, z: float, body: Array, tilt: tuple[float, float], tilt_variance: float, lever: float,
+        own: bool,
     ) -> None:
         """A range, over the spread of bearing and heading."""
-        p, mean, P = self.p, self.mean, self.P
+        p, mean, P, (roll, pitch) = self.p, self.mean, self.P, tilt
 
         def h(x: Any, roll: Any = roll, pitch: Any = pitch) -> Any:
             s = rotation(roll, pitch, x[PSI]) @ body
-            s[:2] += x[P_]
+            s[:2] += x[P_] + lever * self.swing.at(x)
             s[2] += self.down - x[SINK]
             return (1 + x[KAPPA]) * length(x[X] - s) + x[BETA]
 
@@ -362,6 +451,8 @@ class Reference:
         by_tilt = gradient(lambda a: h(mean.astype(complex), a[0], a[1]), np.array([roll, pitch]))
         R = max(p["range_std"], 1e-3) ** 2 + tilt_variance * (by_tilt @ by_tilt)
         R += H[2] ** 2 * p["gps_vertical_std"] ** 2
+        R += H[:2] @ H[:2] * lever**2 * self.swing.V
+        R += own * H[2] ** 2 * (body[:2] @ body[:2]) * p["imu_tilt_std"] ** 2
         value = h(mean)
         y = mean[:2] - mean[P_]
         radius = length(y)
@@ -401,7 +492,7 @@ class Reference:
         heard = np.flatnonzero(self.counts)
         newest = max(u["range_epoch"].max(), u["depth_epoch"])
         age = newest - u["range_epoch"][heard]
-        center = np.array([*mean[P_], self.down])
+        center = np.array([*mean[P_], self.down - mean[SINK]])
         beacons = center + self.arm[heard] @ rotation(0.0, 0.0, mean[PSI]).T
         beacons[:, :2] -= age[:, None] * mean[W]
         z = u["range"][heard]
@@ -447,6 +538,7 @@ class Reference:
         lean, alone, offset, gain = common
         p, fresh = self.p, [0, 1, 2, 3, 4, 5, BETA, KAPPA, BIAS, SINK]
         y = x[:2] - self.mean[P_]
+        sunk_variance = self.P[SINK, SINK]
         bias = p["depth_bias_std"] ** 2
         # Independent parts: fix without the bias, bias, what the offset has alone, v, platform.
         T = np.eye(N)
@@ -467,13 +559,13 @@ class Reference:
         sinking = np.zeros(N)
         sinking[X], sinking[SINK] = sunk, 1
         sinking[[BETA, KAPPA]] = -gain * (lean @ sunk + lean[2])
-        self.P += p["gps_vertical_error_std"] ** 2 * np.outer(sinking, sinking)
+        self.P += sunk_variance * np.outer(sinking, sinking)
         # Clock and speed: what the offset tells of them, and what it does not.
         both = np.ix_([BETA, KAPPA], [BETA, KAPPA])
         prior = np.diag([p["clock_std"] ** 2, p["sound_speed_std"] ** 2])
         self.P[both] += alone * np.outer(gain, gain) + prior - offset * np.outer(gain, gain)
         self.P[V, V] += p["prior_velocity_std"] ** 2 * np.eye(3)
-        self.mean[fresh] = 0
+        self.mean[fresh[:-1]] = 0
         self.mean[X], self.mean[[BETA, KAPPA]] = x[:3], gain * x[3]
         self.nis, self.degrees = 0.0, 0
 
@@ -493,12 +585,13 @@ class Reference:
             mean[:2] = mean[P_] + y * (_DENSITY @ c)
             P[:2, :2] += radius**2 * (along * np.outer(e_r, e_r) + across * np.outer(e_t, e_t))
         D = np.zeros((3, N))
-        D[:, X], D[:2, P_], D[2, SINK] = np.eye(3), -np.eye(2), 1
+        D[:, X], D[:2, P_] = np.eye(3), -np.eye(2)
+        D[2] += self.heave.C[0]
         relative = D @ P @ D.T
-        relative[2, 2] += p["gps_vertical_std"] ** 2
+        relative[2, 2] += self.heave.V
         P[:2, :2] += p["gps_bias_std"] ** 2 * np.eye(2)
         order = [0, 3, 1, 4, 2, 5]
-        platform = np.array([*mean[P_], self.down - mean[SINK]])
+        platform = np.array([*mean[P_], *self.heave.at(mean)])
         return {
             "epoch": self.epoch, "update_count": self.updates,
             "position": mean[X], "velocity": mean[V], "covariance": P[np.ix_(order, order)],
@@ -537,6 +630,8 @@ class Learning(Reference):
         super().__init__(p)
         self.psds, self.memory, self.every = np.array(psds), memory, every
         self.filters = [_Filter({**p, "acceleration_psd": q}) for q in psds]
+        for f in self.filters:
+            f.lead = self.filters[0]
         self.weights = np.full(len(psds), 1 / len(psds))
         self.mixed = 0.0
         self.follow()
@@ -557,6 +652,7 @@ class Learning(Reference):
             f.sample(u, epoch, which, using)
         first = self.filters[0]
         self.located, self.arm, self.down = first.located, first.arm, first.down
+        self.heave = first.heave
         parts = self.weights
         self.nis += float(parts @ [f.nis for f in self.filters])
         self.degrees += using * (which == 0)

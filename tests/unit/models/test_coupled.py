@@ -136,6 +136,27 @@ def test_learned_motion_is_an_interacting_multiple_model(
         )
 
 
+@pytest.mark.parametrize("pose_source", [1, 3])
+def test_its_filters_have_heave_and_swing_in_common(pose_source: int) -> None:
+    result = Raft().dive(
+        LINE, {**SINKING, "pose_source": pose_source, "acceleration_psd": -1.0},
+        acoustics=NOISY, steps=160,
+    )
+    reference = Learning(result.receiver.p, bank.PSDS, bank.MEMORY, bank.EVERY)
+    harness.follow(result, reference, 2e-6)
+    box, (heave, swing) = result.receiver, (reference.filters[0].heave, reference.filters[0].swing)
+    assert swing.C.any() == (pose_source == 3)
+    np.testing.assert_allclose(
+        np.ravel(box.state("heave")), [*heave.a, heave.C[0, SINK], heave.V], rtol=2e-6, atol=1e-7
+    )
+    np.testing.assert_allclose(
+        np.ravel(box.state("swing")), [*swing.a, swing.C[0, 6], *swing.C[:, PSI], swing.V],
+        rtol=2e-6, atol=1e-7,
+    )
+    for name, value in reference.output().items():
+        np.testing.assert_allclose(box.y[name], value, rtol=2e-6, atol=2e-5, err_msg=name)
+
+
 def test_learned_motion_restarts_as_one() -> None:
     wrong = {**PRIOR, "prior_position": (34.0, -2.0, 5.0), "acceleration_psd": -1.0}
     result = Raft().dive(LINE, wrong, acoustics=NOISY, steps=150)
@@ -192,7 +213,8 @@ def test_the_defaults() -> None:
         "gps_correlation_time": 120.0, "gps_bias_std": 0.0, "gps_vertical_std": 0.0,
         "gps_vertical_error_std": 0.0, "gps_vertical_error_time": 1e6,
         "platform_velocity_std": 0.05, "platform_velocity_time": 40.0, "heading_rate_std": 0.02,
-        "heading_rate_time": 3.0, "tilt_std": 0.07, "imu_heading_std": 0.0,
+        "heading_rate_time": 3.0, "heave_std": 0.25, "heave_time": 0.8, "tilt_std": 0.07,
+        "tilt_time": 0.8, "imu_heading_std": 0.0,
         "imu_heading_error_std": np.radians(3.0), "imu_heading_error_time": 1e6,
         "imu_tilt_std": np.radians(0.5), "watch": False,
     }
@@ -437,7 +459,10 @@ def test_what_it_says_of_the_system() -> None:
     H[[surroundings.CLOCK, surroundings.SPEED]] = 1, distance
     off = H @ mean - (1500 * offset + (1500 / speed - 1) * distance)
     assert abs(off) < 2.5 * np.sqrt(H @ P @ H) < 1.5
-    np.testing.assert_allclose(y["relative_covariance"][2, 2], P[2, 2] + 0.02**2)
+    _, share, variance = np.ravel(result.receiver.state("heave"))
+    D = np.zeros(surroundings.STATES)
+    D[[2, SINK]] = 1, share
+    np.testing.assert_allclose(y["relative_covariance"][2, 2], D @ P @ D + variance)
     np.testing.assert_allclose(y["position_std"] ** 2, np.diag(y["covariance"])[::2])
     assert y["covariance"][0, 0] > P[0, 0] + 0.4**2 - 1e-9
 

@@ -268,9 +268,9 @@ def test_rows_are_derivatives(seed: int) -> None:
     for rows in (
         lambda x: (surroundings.depth(p, x),),
         lambda x: (surroundings.heading(np, p, x),),
-        lambda x: surroundings.places(np, p, x, body[:2]),
-        lambda x: surroundings.places(np, p, x, (0.0, 0.0)),
-        lambda x: surroundings.places(np, p, x, body[:2], 0.4),
+        lambda x: surroundings.places(np, p, x, body),
+        lambda x: surroundings.places(np, p, x, (0.0, 0.0, 0.0)),
+        lambda x: surroundings.places(np, p, x, body, 0.4),
         lambda x: (surroundings.range_(np, p, x, packet, body),),
     ):
         for n, row in enumerate(rows(mean)):

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import copy
 from typing import Any
 
 import numpy as np
 import pytest
-from coupled_reference import P_, PSI, SINK, J, N, Reference, gradient, retracted
+from coupled_reference import P_, PSI, SINK, Beside, J, N, Reference, gradient, retracted
 from harness import NS, Array
 from raft import LINE, Raft
 from stepper import Stepper
@@ -30,14 +31,19 @@ class Backwards(Reference):
     def __init__(self, p: Mapping[str, Any]) -> None:
         super().__init__(p)
         self.diary: list[tuple[str, Any]] = []
-        self.kept: list[tuple[float, int, Array, Array, float]] = []
-        self.estimates: list[tuple[float, Array, Array, float]] = []
+        self.kept: list[tuple[float, int, Array, Array, Beside]] = []
+        self.estimates: list[tuple[float, Array, Array, Beside]] = []
 
     def predict(self, dt: float) -> None:
         before = self.P
         F, _ = self.transition(dt)
         super().predict(dt)
         self.diary.append(("predicted", (before, F, self.P)))
+
+    def partly(self, gain: Array, H: Array, nu: float, R: float) -> None:
+        before = self.P
+        super().partly(gain, H, nu, R)
+        self.diary.append(("predicted", (before, np.eye(N) - np.outer(gain, H), self.P)))
 
     def depth(self, z: float) -> None:
         before = self.mean
@@ -56,18 +62,18 @@ class Backwards(Reference):
     def sampled(self) -> None:
         spacing = self.p["lag"] / 4
         if not self.kept or self.epoch - self.kept[-1][0] >= spacing - 1e-6:
-            self.kept.append((self.epoch, len(self.diary), self.mean, self.P, self.down))
+            self.kept.append((self.epoch, len(self.diary), self.mean, self.P, copy(self.heave)))
 
     def anew(self, u: Mapping[str, Any]) -> None:
         super().anew(u)
         self.kept, self.diary = [], []
 
-    def give(self, t: float) -> tuple[float, Array, Array, float] | None:
+    def give(self, t: float) -> tuple[float, Array, Array, Beside] | None:
         """The newest state that is as old as the lag, unless it was given before."""
         ripe = [kept for kept in self.kept if t - kept[0] >= self.p["lag"] - 1e-6]
         if not ripe or (self.estimates and ripe[-1][0] <= self.estimates[-1][0]):
             return None
-        epoch, begins, mean, _, down = ripe[-1]
+        epoch, begins, mean, _, heave = ripe[-1]
         delta, Pi = np.zeros(N), self.P
         for kind, what in reversed(self.diary[begins:]):
             if kind == "corrected":
@@ -80,19 +86,21 @@ class Backwards(Reference):
                 G = np.linalg.solve(after / np.outer(scale, scale),
                                     (F @ before) / scale[:, None]).T / scale
                 delta, Pi = G @ delta, before + G @ (Pi - after) @ G.T
-        self.estimates.append((epoch, mean + delta, Pi, down))
+        self.estimates.append((epoch, mean + delta, Pi, heave))
         return self.estimates[-1]
 
 
-def outputs_of(reference: Backwards, estimate: tuple[float, Array, Array, float]) -> dict[str, Any]:
+def outputs_of(
+    reference: Backwards, estimate: tuple[float, Array, Array, Beside]
+) -> dict[str, Any]:
     """The outputs of `coupled` for an estimate of the past: all that is of diver and platform."""
     past = Reference(reference.p)
-    epoch, mean, P, down = estimate
+    epoch, mean, P, heave = estimate
     past.mean[DIVER_AND_PLATFORM] = mean[DIVER_AND_PLATFORM]
     past.P = np.zeros((N, N))
     rows = np.ix_(DIVER_AND_PLATFORM, DIVER_AND_PLATFORM)
     past.P[rows] = P[rows]
-    past.epoch, past.down = epoch, down
+    past.epoch, past.heave = epoch, heave
     shown = past.output()
     return {name: shown[name] for name in (
         "epoch", "position", "velocity", "covariance", "relative_position", "relative_covariance",

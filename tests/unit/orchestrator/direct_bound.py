@@ -10,7 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 from sblcosim.limits.recursion import Epochs, ReceiverModel
-from sblcosim.models.receiver import field, surroundings
+from sblcosim.models.receiver import field, surroundings, waves
 
 LEAST_VARIANCE = 1e-12
 FAR, ANYWHERE = 30.0, 10.0
@@ -57,12 +57,13 @@ def prior(model: ReceiverModel, p: Any) -> Any:
         stds += [p.platform_velocity_std] * 2 + [p.gps_markov_std] * 2
         stds += [ANYWHERE, p.heading_rate_std, p.imu_heading_error_std]
         stds += [p.clock_std, p.sound_speed_std, p.depth_bias_std, p.gps_vertical_error_std]
+        stds += [p.heave_std, p.tilt_std, p.tilt_std]
     return np.diag(np.array(stds, float) ** 2)
 
 
 def transition(model: ReceiverModel, p: Any, dt: float) -> tuple[Any, Any]:
-    phi, noise = (field if model.own_errors else surroundings).transition(np, p, dt)
-    size = field.states(p.beacons) if model.own_errors else surroundings.STATES
+    phi, noise = (field if model.own_errors else waves).transition(np, p, dt)
+    size = field.states(p.beacons) if model.own_errors else waves.STATES
     Phi, Q = np.eye(size), np.zeros((size, size))
     for (i, j), value in phi.items():
         Phi[i, j] = value
@@ -106,7 +107,7 @@ def _state(model: ReceiverModel, p: Any, position: Any, platform: Any, attitude:
         x = np.zeros(field.states(p.beacons))
         x[[0, 2, 4]], x[field.SPEED] = position, model.situation["speed"]
         return x
-    x = np.zeros(surroundings.STATES)
+    x = np.zeros(waves.STATES)
     x[:3], x[6:8], x[12], x[16] = position, platform[:2], attitude[2], model.situation["speed"]
     return x
 
@@ -116,7 +117,7 @@ def _rows(
     own_errors: bool, own: bool, kind: str, which: int, names: tuple[str, ...], count: int
 ) -> Any:
     """A CasADi function: derivatives of the measured values, and their variances."""
-    size = field.states(count) if own_errors else surroundings.STATES
+    size = field.states(count) if own_errors else waves.STATES
     x, v = ca.SX.sym("x", size), ca.SX.sym("v", len(names))
     platform, attitude, beacon = (ca.SX.sym(n, 3) for n in ("platform", "attitude", "beacon"))
     p = SimpleNamespace(**dict(zip(names, ca.vertsplit(v), strict=True)))
@@ -130,14 +131,15 @@ def _rows(
     elif kind == "depth":
         found = [surroundings.depth(p, states)]
     elif kind == "pose":
-        found = [*surroundings.places(ca, p, states, (0.0, 0.0)),
-                 surroundings.heading(ca, p, states)]
+        found = [waves.down(ca, p, states, 0.0, body), surroundings.heading(ca, p, states),
+                 *waves.places(ca, p, states, (0.0, 0.0, 0.0))]
     else:
-        variance = p.tilt_std**2 if own else surroundings.tilt(p, 0.0)[1]
+        variance = 0.0 if own else surroundings.tilt(p, 0.0)[1]
         roll, pitch = (0.0, 0.0) if own else (attitude[0], attitude[1])
-        pose = surroundings.Pose(platform[2], roll, pitch, variance)
-        found = [*(surroundings.places(ca, p, states, body) if own else ()),
-                 surroundings.range_(ca, p, states, pose, body)]
+        pose = surroundings.Pose(platform[2], roll, pitch, variance, float(own))
+        said = waves.places(ca, p, states, body)
+        found = [*((waves.down(ca, p, states, 1.0, body), *said) if own else ()),
+                 waves.range_(ca, p, states, pose, body)]
     values, variances = (ca.vertcat(*(getattr(m, a) for m in found)) for a in ("value", "variance"))
     return ca.Function(
         "rows", [x, v, platform, attitude, beacon], [ca.jacobian(values, x), variances]
@@ -156,7 +158,7 @@ def marginals(model: ReceiverModel, p: Any, P: Any) -> tuple[Any, Any]:
     if model.own_errors:
         place = P[np.ix_([0, 2, 4], [0, 2, 4])]
         return place, place
-    D = np.zeros((3, surroundings.STATES))
-    D[0, [0, 6]], D[1, [1, 7]], D[2, [2, 18]] = (1, -1), (1, -1), (1, 1)
-    bias, white = p.gps_bias_std**2, p.gps_vertical_std**2
-    return P[:3, :3] + np.diag([bias, bias, 0]), D @ P @ D.T + np.diag([0, 0, white])
+    D = np.zeros((3, waves.STATES))
+    D[0, [0, 6]], D[1, [1, 7]], D[2, [2, 19]] = (1, -1), (1, -1), (1, -1)
+    bias = p.gps_bias_std**2
+    return P[:3, :3] + np.diag([bias, bias, 0]), D @ P @ D.T

@@ -9,7 +9,7 @@ import numpy as np
 from sblcosim.data.samples import Samples
 from sblcosim.estimation import model
 from sblcosim.estimation.after import assumed
-from sblcosim.models.receiver.surroundings import STATES
+from sblcosim.models.receiver.waves import HEAVE, STATES
 from sblcosim.scenario.scenario import load
 from scipy.spatial.transform import Rotation
 
@@ -37,7 +37,7 @@ def drawn(rng: np.random.Generator, covariance: np.ndarray) -> np.ndarray:
 def dive(
     p: Any, seed: int, epochs: int = 60, *, loss: float = 0.25, late: float = 0.05
 ) -> tuple[Samples, np.ndarray]:
-    """Samples at 1, 2, … s, the beacons in turn, and the states there, (epochs, 19)."""
+    """Samples at 1, 2, … s, the beacons in turn, and the states there, (epochs, 22)."""
     rng = np.random.default_rng(seed)
     ns = 1_000_000_000 * np.arange(1, epochs + 1)
     mean, std = model.prior(p, np.zeros(STATES))
@@ -53,7 +53,7 @@ def dive(
     tilt = p.tilt_std * rng.standard_normal((epochs, 2))
     attitude = np.column_stack([tilt, truth[:, 12]])
     arm = Rotation.from_euler("xyz", attitude).apply(p.beacon_offset[beacon])
-    place = np.column_stack([truth[:, 6:8], np.zeros(epochs)])
+    place = truth[:, [6, 7, HEAVE]]
     distance = np.linalg.norm(truth[:, :3] - place - arm, axis=1)
     excess = (rng.uniform(size=epochs) < late) * rng.exponential(p.outlier_mean, epochs)
     measured = (1 + truth[:, 16]) * distance + truth[:, 15] + excess

@@ -160,35 +160,58 @@ def sounding(std: float) -> float:
     return max(std, 1e-3) ** 2
 
 
+AFLOAT = {"prior_position_std": 2.0, "heave_std": 1.5, "gps_vertical_std": 0.7,
+          "gps_vertical_error_std": 0.4}  # fmt: skip
+REPORT = 0.7**2 + 0.4**2
+"""Variance of a reported depth of the platform: white and slow error."""
+
+
 def test_a_vertical_gps_error_is_in_what_is_relative_alone() -> None:
-    """x − p as it is reported: a white error on top, a slow one as a state; none in the world."""
-    model = quiet("platform", prior_position_std=2.0, depth_std=0.5, gps_vertical_std=0.7,
-                  gps_vertical_error_std=0.4, gps_bias_std=0.3)  # fmt: skip
-    (absolute,), (relative,) = (
-        P[:, 0] for P in recursion.covariances(model, *one_epoch([3, 4, 5], reading=1.0))
-    )
+    """The depth of the platform is known from its heave and from what it reports."""
+    model = quiet("platform", **AFLOAT, depth_std=0.5, gps_bias_std=0.3)
     depth = posterior(4.0, 0.25)
-    np.testing.assert_allclose(np.diag(absolute), [4.09, 4.09, depth], rtol=1e-12)
-    np.testing.assert_allclose(
-        np.diag(relative), [904.0, 904.0, depth + 0.4**2 + 0.7**2], rtol=1e-12
-    )
+    for packet, platform in ((0.0, 1.5**2), (1.0, posterior(1.5**2, REPORT))):
+        (absolute,), (relative,) = (
+            P[:, 0] for P in recursion.covariances(
+                model, *one_epoch([3, 4, 5], reading=1.0, packet=packet)
+            )
+        )
+        np.testing.assert_allclose(np.diag(absolute), [4.09, 4.09, depth], rtol=1e-12)
+        assert relative[2, 2] == pytest.approx(depth + platform, rel=1e-12)
 
 
 def test_a_range_from_below_has_the_vertical_gps_noise_and_one_from_the_side_has_not() -> None:
-    """Below, x_z + g_z is measured with σ_r² + σ_gv²; the part of x_z + g_z is known better."""
-    model = quiet("platform", prior_position_std=2.0, range_std=0.1, gps_vertical_std=0.7,
-                  gps_vertical_error_std=0.4)  # fmt: skip
-    (absolute,), (relative,) = (
-        P[:, 0] for P in recursion.covariances(model, *one_epoch([0, 0, 9], heard=1.0))
+    """Below, x_z + g_z is measured with σ_r² + σ_gv²."""
+    model = quiet("platform", **AFLOAT, range_std=0.1)
+    below, aside = (
+        [P[0, 0] for P in recursion.covariances(model, *one_epoch(at, packet=1.0, heard=1.0))]
+        for at in ([0, 0, 9], [9, 0, 0])
     )
-    noise, both = 0.01 + 0.49, 4.0 + 0.16
-    assert absolute[2, 2] == pytest.approx(4.0 - 16.0 / (both + noise), rel=1e-12)
-    assert relative[2, 2] == pytest.approx(posterior(both, noise) + 0.49, rel=1e-12)
-    (absolute,), (relative,) = (
-        P[:, 0] for P in recursion.covariances(model, *one_epoch([9, 0, 0], heard=1.0))
-    )
-    assert relative[0, 0] == pytest.approx(posterior(904.0, 0.01), rel=1e-9)
-    assert relative[2, 2] == pytest.approx(both + 0.49, rel=1e-12)
+    prior = np.diag([4.0, 0.16, 2.25])  # x_z, g_z, h
+    H, R = np.array([[0, 1, 1], [1, 1, 0]]), np.diag([0.49, 0.01 + 0.49])
+    P = prior - prior @ H.T @ np.linalg.solve(H @ prior @ H.T + R, H @ prior)
+    assert below[0][2, 2] == pytest.approx(P[0, 0], rel=1e-12)
+    difference = np.array([1, 0, -1])
+    assert below[1][2, 2] == pytest.approx(difference @ P @ difference, rel=1e-12)
+    # North of the platform, whose place is known to 1 cm
+    assert aside[1][0, 0] == pytest.approx(posterior(4 + posterior(900, 1e-4), 0.01), rel=1e-4)
+    assert aside[1][2, 2] == pytest.approx(4.0 + posterior(2.25, REPORT), rel=1e-12)
+
+
+@pytest.mark.parametrize("lever", [0.0, 2.0])
+def test_tilt_moves_a_beacon_that_says_where_it_is_and_no_more(lever: float) -> None:
+    """It is in the report of the beacon's place, and a range has the same of it."""
+    p = {"prior_position_std": 2.0, "range_std": 0.1, "gps_std": 0.3, "tilt_std": 0.2}
+    model = quiet("platform", **p)
+    model = replace(model, situation={**model.situation, "own_beacon": True})
+    epochs, position, q = one_epoch([9, 0, lever], heard=1.0)
+    epochs = replace(epochs, beacons=np.array([[[0.0, 0.0, lever]]]))
+    (absolute,), (relative,) = (P[:, 0] for P in recursion.covariances(model, epochs, position, q))
+    prior = np.diag([4.0, 900.0, 0.04])  # x, p, t
+    H, R = np.array([[0, 1, lever], [1, -1, -lever]]), np.diag([0.09, 0.01])
+    P = prior - prior @ H.T @ np.linalg.solve(H @ prior @ H.T + R, H @ prior)
+    assert absolute[0, 0] == pytest.approx(P[0, 0], rel=1e-9)
+    assert relative[0, 0] == pytest.approx(P[0, 0] - 2 * P[0, 1] + P[1, 1], rel=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from sblcosim.limits import parameters, recursion, unknown, verdict
 from sblcosim.models import COMPONENTS
 from sblcosim.models.receiver.receivers.coupled import COMPONENT as COUPLED
 from sblcosim.models.receiver.receivers.long_baseline import COMPONENT as LONG_BASELINE
-from sblcosim.models.receiver.surroundings import STATES
+from sblcosim.models.receiver.waves import STATES
 from sblcosim.scenario.arrangement import has_own_errors
 from sblcosim.scenario.error_sources import UNMODELLED
 from sblcosim.scenario.scenario import load

@@ -12,6 +12,7 @@ from sblcosim.estimation import late, linear, model, particles
 from sblcosim.estimation.linear import Problem
 from sblcosim.estimation.smoother import linearised
 from sblcosim.models.receiver import surroundings
+from sblcosim.models.receiver.waves import Heave
 from scipy import stats
 
 
@@ -46,7 +47,7 @@ EASY = {
 
 def test_almost_linear_it_agrees_with_a_kalman_filter() -> None:
     p = parameters(**EASY)
-    samples, truth = dive(p, 4, 20, late=0.0)
+    samples, truth = dive(p, 1, 20, late=0.0)
     mean, covariance = kalman(p, samples, truth)
     estimates = particles.filtered(p, samples, 20_000, 1)
     std = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
@@ -187,7 +188,7 @@ def test_a_range_leaves_the_moments_of_punctual_and_not_together() -> None:
 def test_the_moments_are_those_of_draws_from_the_particles() -> None:
     """Of position, velocity, what is seen from the platform, its place, clock and sound speed."""
     p = parameters(imu_heading_error_std_deg=3.0, gps_bias_std_m=0.4, gps_vertical_std_m=0.3)
-    cloud, down = some_cloud(p, 30), 1.5
+    cloud, heave = some_cloud(p, 30), Heave(1.5, 0.6, 0.3**2)
     rng, n = np.random.default_rng(5), 400_000
     which = rng.choice(len(cloud.weight), n, p=cloud.weight)
 
@@ -200,7 +201,7 @@ def test_the_moments_are_those_of_draws_from_the_particles() -> None:
     slow = cloud.slow[which] + noise
     y, v, place = flat[:, :, 0], flat[:, :, 1], flat[:, :, 3]
     x = np.column_stack([y + place, depth[:, 0]])
-    seen = np.column_stack([y, depth[:, 0] - down + slow[:, 2]])
+    seen = np.column_stack([y, depth[:, 0] - heave.down + heave.share * slow[:, 2]])
     speed = np.column_stack([v, depth[:, 1]])
     # The heading's slow error turns all about the platform, by as much as the mean is away.
     turn = p.imu_heading_error_std * rng.standard_normal((n, 1))
@@ -208,8 +209,8 @@ def test_the_moments_are_those_of_draws_from_the_particles() -> None:
     turned = turn * [-east, north]
     x[:, :2] += turned + p.gps_bias_std * rng.standard_normal((n, 2))
     seen[:, :2] += turned
-    seen[:, 2] += p.gps_vertical_std * rng.standard_normal(n)
-    position, velocity, P, relative, R, platform, clock, sound = particles.moments(p, cloud, down)
+    seen[:, 2] += 0.3 * rng.standard_normal(n)
+    position, velocity, P, relative, R, platform, clock, sound = particles.moments(p, cloud, heave)
     states = np.stack([x, speed], axis=2).reshape(n, 6)
     for found, drawn in ((position, x), (velocity, speed), (relative, seen)):
         np.testing.assert_allclose(found, drawn.mean(axis=0), atol=0.02)
@@ -218,7 +219,8 @@ def test_the_moments_are_those_of_draws_from_the_particles() -> None:
         np.testing.assert_allclose(
             known / np.outer(std, std), np.cov(drawn.T) / np.outer(std, std), atol=0.02
         )
-    north_east_down = [*place.mean(axis=0), down - slow[:, 2].mean()]
+    deep = heave.down - heave.share * slow[:, 2].mean()
+    north_east_down = [*place.mean(axis=0), deep]
     np.testing.assert_allclose(platform, north_east_down, atol=0.02)
     beta, kappa = cloud.weight @ cloud.slow[:, :2]
     assert clock == pytest.approx(beta / p.assumed_sound_speed)
@@ -256,9 +258,12 @@ def bayes(mean: np.ndarray, P: np.ndarray, h: np.ndarray, z: float, R: float) ->
 
 
 def test_depths_headings_and_places_are_weighed_by_their_noise() -> None:
-    p = parameters(depth_std_m=0.2, imu_heading_std_deg=4.0, gps_std_m=0.7)
+    """Of a place also the tilt, which moves a beacon below the reference point."""
+    p = parameters(depth_std_m=0.2, imu_heading_std_deg=4.0, gps_std_m=0.7, tilt_std_deg=6.0,
+                   imu_tilt_std_deg=2.0)
     cloud, yaw_std = some_cloud(p), np.radians(4.0)
-    place, body = np.array([1.3, -0.4]), [0.6, -0.3]
+    place, body = np.array([1.3, -0.4]), [0.6, -0.3, 4.0]
+    place_variance = 0.7**2 + 4.0**2 * (np.radians(6.0) ** 2 + np.radians(2.0) ** 2)
     depth, heading = START[2] + 0.4, 2 * np.pi + 0.1
     found = {
         "down": particles.sounded(p, cloud, depth), "turn": particles.headed(p, cloud, heading),
@@ -270,9 +275,10 @@ def test_depths_headings_and_places_are_weighed_by_their_noise() -> None:
         expected["down"].append(bayes(down, cloud.P_down, reading, depth, 0.2**2))
         expected["turn"].append(bayes(turn, cloud.P_turn, first, 0.1, yaw_std**2))
         c, s = np.cos(turn[0]), np.sin(turn[0])
-        arm = np.array([[c, -s], [s, c]]) @ body
+        arm = np.array([[c, -s], [s, c]]) @ body[:2]
         axes = [
-            bayes(flat[i], cloud.P_flat, np.array([0.0, 0, 0, 1, 1]), place[i] - arm[i], 0.7**2)
+            bayes(flat[i], cloud.P_flat, np.array([0.0, 0, 0, 1, 1]), place[i] - arm[i],
+                  place_variance)
             for i in (0, 1)
         ]
         expected["flat"].append((np.array([axes[0][0], axes[1][0]]), axes[0][1],
@@ -284,3 +290,25 @@ def test_depths_headings_and_places_are_weighed_by_their_noise() -> None:
         np.testing.assert_allclose(covariance, covariances[0], rtol=1e-6, atol=1e-8)
         gained = after.log_weight - cloud.log_weight - weights
         np.testing.assert_allclose(gained, gained[0], rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("own", [0.0, 1.0])
+def test_a_reported_depth_of_the_platform_is_weighed_by_heave_and_noise(own: float) -> None:
+    """h of the platform is common to all particles, g_z is each particle's own."""
+    p = parameters(gps_vertical_std_m=0.2, tilt_std_deg=6.0, imu_tilt_std_deg=2.0)
+    cloud, heave, body = some_cloud(p), Heave(0.1, 0.4, 0.3**2), [2.0, 1.0, 0.4]
+    noise = 0.2**2 + own * 5.0 * (np.radians(6.0) ** 2 + np.radians(2.0) ** 2)
+    pose = surroundings.Pose(0.7, 0.0, 0.0, 0.0, own)
+    after, later = particles.floated(p, cloud, heave, pose, body)
+    for i, (before, P) in enumerate(zip(cloud.slow, cloud.P_slow, strict=True)):
+        mean, covariance, weight = bayes(
+            before, P, np.array([0.0, 0.0, 0.6]), 0.7 - 0.1, 0.3**2 + noise
+        )
+        np.testing.assert_allclose(after.slow[i], mean, rtol=1e-6, atol=1e-9)
+        np.testing.assert_allclose(after.P_slow[i], covariance, rtol=1e-6, atol=1e-9)
+        gained = after.log_weight[i] - cloud.log_weight[i] - weight
+        assert gained == pytest.approx(0.5 * np.log(2 * np.pi), rel=1e-6)
+    gain = 0.09 / (0.09 + noise)
+    assert (later.down, later.share, later.variance) == pytest.approx(
+        (0.1 + gain * 0.6, 0.4 + gain * 0.6, (1 - gain) * 0.09)
+    )
