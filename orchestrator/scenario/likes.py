@@ -74,7 +74,7 @@ _PLATFORM: Mapping[str, Any] = {
         "imu_heading_turn_on_std_deg": 2.0, "imu_tilt_std_deg": 1.0,
     },
     "acoustics": {"range_std_m": 0.1, "loss_probability": 0.1},
-    "receiver": {"type": "coupled"},
+    "receiver": {"type": "coupled", "acceleration_psd_m2_s3": "learned"},
 }
 _BOAT: Mapping[str, Any] = {
     "title": "Four receivers off a boat",
@@ -96,7 +96,7 @@ _BOAT: Mapping[str, Any] = {
         "outlier_probability": 0.05, "outlier_mean_m": 1.0, "clock_offset_std_s": 2e-5,
         "sound_speed_m_s": 1510.0, "assumed_sound_speed_m_s": 1500.0,
     },
-    "receiver": {"type": "coupled", "acceleration_psd_m2_s3": 0.003},
+    "receiver": {"type": "coupled", "acceleration_psd_m2_s3": "learned"},
 }
 
 LIKES: Mapping[str, Like] = {

@@ -11,7 +11,12 @@ def percent(share: float, form: str = "g") -> str:
 
 
 def rough_percent(share: float) -> str:
-    """``12 %``, ``3.4 %``: whole per cents, or two digits below 10."""
+    """``12 %``, ``3.4 %``, ``99.5 %``: whole per cents, or with a decimal near 0 and near 1.
+
+    Only all of them are ``100 %``.
+    """
+    if 0.99 < share < 1:
+        return percent(min(share, 0.999), ".1f")
     return percent(share, ".0f" if share >= 0.0995 or share == 0 else ".2g")
 
 

@@ -433,7 +433,7 @@ def _levels(it: Tournament, place: str) -> Iterator[tuple[str, ...]]:
             rounded(reached(row)),
             rounded(beside["mean"]),
             f"≤ {rounded(upper)}" if isfinite(upper) else "–",
-            measured(100 * row["lost"] / whole, "%", 2),
+            rough_percent(row["lost"] / whole),
             _misleading(row),
             _covariance(row),
             *((_update(it, place, receiver),) if it.update_s else ()),
@@ -444,7 +444,7 @@ def _misleading(row: Any) -> str:
     """The share of misleading runs and, within a scenario, its interval in whole per cents."""
     if not row["misleading_known"]:
         return "–"
-    said = measured(100 * row["misleading"] / row["misleading_known"], "%", 2)
+    said = rough_percent(row["misleading"] / row["misleading_known"])
     return said if isnan(row["misleading_low"]) else f"{said} ({share_of_misleading(row)})"
 
 
