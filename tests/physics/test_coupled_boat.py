@@ -83,11 +83,11 @@ def test_a_clock_that_has_drifted_for_an_hour() -> None:
     assert rms < 0.5 * untold
 
 
-@pytest.mark.parametrize(("grade", "most"), [("standalone", 3.8), ("rtk_fixed", 3.6)])
-def test_a_late_range_in_the_first_fix_is_allowed_for(grade: str, most: float) -> None:
+@pytest.mark.parametrize("grade", ["standalone", "rtk_fixed"])
+def test_a_late_range_in_the_first_fix_is_allowed_for(grade: str) -> None:
     """With that clock, and beacons that are where they should be, nothing else hides it."""
     _, nees, _ = judged(BOAT, {**HOUR, "platform.gps_grade": grade, "platform.mounting_std_m": 0.0})
-    assert 2.5 < nees < most
+    assert 2.5 < nees < 3.3
 
 
 def test_its_accuracy_does_not_suffer() -> None:
