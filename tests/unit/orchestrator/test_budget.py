@@ -37,7 +37,7 @@ from typer.testing import CliRunner
 
 DIVE, PAPER = "realistic-dive", "paper-scenario-1"
 NO_GPS = {"platform.gps_horizontal_std_m": 0.0, "platform.gps_horizontal_markov_std_m": 0.0}
-SHORT = {"time.duration_s": 60.0}
+SHORT = {"time.duration_s": 60.0, "receiver.acceleration_psd_m2_s3": 0.003}  # q of the bound, too
 RUNS = 30
 
 
@@ -762,7 +762,8 @@ def invoke(*arguments: str) -> Any:
 
 def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    options = ("--set", "time.duration_s=60", "--runs", str(RUNS), "--no-figures")
+    keys = (f"--set={key}={value}" for key, value in SHORT.items())
+    options = (*keys, "--runs", str(RUNS), "--no-figures")
     printed = invoke(DIVE, *options)
     assert printed.exit_code == 0, printed.output
     assert printed.stdout == f"{_found().text()}\n\nwritten to runs/realistic-dive-budget\n"
