@@ -17,7 +17,7 @@ from sblcosim.comparison.many.run import run_many
 SCENARIO = "realistic-dive"
 RECEIVERS = ("coupled", "ekf")
 RUNS = 200
-SEED = 45
+SEED = 119
 
 
 def choose(runs: int = RUNS) -> tuple[int, dict[str, float]]:
