@@ -1,13 +1,14 @@
 """Whether the diver is on the other side of the beacons, where the ranges nearly fit as well.
 
 Beacons nearly on a line, or the two that have been heard lately, have a mirror image of the diver.
-Each time it is due, a fix is sought from there. Where the ranges may as well come from it, a second
+Each time it is due, a fix is sought from the best image about the line of two beacons. Where the ranges may as well come from it, a second
 filter begins there and processes the same samples. The likelihood of the ranges decides.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from itertools import combinations
 from typing import Any
 
 import casadi as ca
@@ -20,14 +21,19 @@ EVERY = 12.0
 """Time between looks at the other side [s]."""
 _TAKES, _LEAVES = 4.0, 8.0
 """Log-likelihood ratios with which the other side takes over, and with which it is given up."""
-_PAST = 5.0
+_PAST = 3.0
 """What ranges before the latest ones say against the other side, if there are any [1]."""
 _PASSES = 2
 """Passes of a fix there: it begins close to one, or there is none."""
 _FITTED = 1.5
 """What a fix gains on average by fitting three coordinates to its own samples [1]."""
-_APART = 2.0
+_APART = 1.4
 """Distance to the other side in standard deviations, below which it is the same side."""
+
+_ODD = 20.0
+"""Largest weighted square of a residual that counts: beyond, a range is late."""
+_NONE = 1e9
+"""Misfit of an image that is none."""
 
 HERE, THERE, TAKEN = 1, 2, 3
 """What begins: the bank at a fix, the filter on the other side at one, or the bank where it is."""
@@ -98,20 +104,31 @@ class Side:
 
 
 def reflected(here: Side, s: Samples, weight: Any) -> Side:
-    """The mirror image about the line that is nearest to the beacons."""
-    w = weight[:DEPTH]
-    place = s.beacons[:, :2]
-    mean = (w.T @ place).T / ca.fmax(ca.sum1(w), 1e-30)
-    off = place - ca.repmat(mean.T, s.count, 1)
-    along = ca.dot(w, off[:, 0] ** 2 - off[:, 1] ** 2)
-    across = 2 * ca.dot(w, off[:, 0] * off[:, 1])
-    length = ca.fmax(ca.sqrt(along**2 + across**2), 1e-30)
-    turned = ca.vertcat(ca.horzcat(along, across), ca.horzcat(across, -along)) / length
-    return Side(
-        ca.vertcat(mean + turned @ (here.position[:2] - mean), here.position[2]),
-        ca.vertcat(turned @ here.velocity[:2], here.velocity[2]),
-        here.spread,
-    )
+    """The mirror image about the line of two beacons that fits the latest ranges best."""
+    image, least = here, ca.SX(_NONE)
+    for i, j in combinations(range(s.count), 2):
+        along = (s.beacons[j, :2] - s.beacons[i, :2]).T
+        length = ca.fmax(ca.sumsqr(along), 1e-30)
+        back = 2 * (along @ along.T) / length - ca.SX.eye(2)
+        origin = s.beacons[i, :2].T
+        place = ca.vertcat(origin + back @ (here.position[:2] - origin), here.position[2])
+        found = Side(place, ca.vertcat(back @ here.velocity[:2], here.velocity[2]), here.spread)
+        apart = ca.sumsqr(place - here.position) > _APART**2 * here.spread
+        cost = ca.if_else(apart * s.heard[i] * s.heard[j], misfit(found, s, weight), _NONE)
+        image = Side(*(
+            ca.if_else(cost < least, getattr(found, f.name), getattr(image, f.name))
+            for f in fields(Side)
+        ))
+        least = ca.fmin(cost, least)
+    return image
+
+
+def misfit(side: Side, s: Samples, weight: Any) -> Any:
+    """Weighted squares of the residuals of the latest ranges; one alone counts up to a limit."""
+    s, total = moving(s, side.velocity), ca.SX(0)
+    for i, (value, _) in enumerate(predicted(side.position, s)[:DEPTH]):
+        total += ca.fmin(weight[i] * (s.z[i] - value) ** 2, _ODD)
+    return total
 
 
 def moving(s: Samples, velocity: Any) -> Samples:

@@ -7,6 +7,7 @@ squares by SciPy. Nothing is taken from the component.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -280,11 +281,17 @@ class Reference:
                        for e, V_ in zip(r, R, strict=False))
 
         x, v, spread = self.here()
-        w = 1 / variances(x)[:-1]
-        middle = w @ s[:, :2] / w.sum()
-        axes = np.linalg.eigh((s[:, :2] - middle).T * w @ (s[:, :2] - middle))[1]
-        flip = np.outer(axes[:, 1], axes[:, 1]) - np.outer(axes[:, 0], axes[:, 0])
-        y, image = np.append(middle + flip @ (x[:2] - middle), x[2]), np.append(flip @ v[:2], v[2])
+        w, best = 1 / variances(x)[:-1], np.inf
+        y, image = x, v
+        for i, j in combinations(range(len(heard)), 2):
+            a = (s[j] - s[i])[:2] / np.linalg.norm((s[j] - s[i])[:2])
+            flip = np.diag([0.0, 0.0, 1.0])
+            flip[:2, :2] = 2 * np.outer(a, a) - np.eye(2)
+            origin = np.append(s[i, :2], 0)
+            found, way = origin + flip @ (x - origin), flip @ v
+            cost = np.minimum(w * residuals(found, way)[:-1] ** 2, 20).sum()
+            if (found - x) @ (found - x) > 1.4**2 * spread and cost < best:
+                y, image, best = found, way, cost
         damping = 1e-6
         for _ in range(2):
             W, r = np.diag(1 / variances(y)), residuals(y, image)
@@ -302,9 +309,9 @@ class Reference:
                 break
         own = np.linalg.inv(information) * max(cost / max(len(z) - 3, 1), 1.0)
         R = variances(x)[:-1]
-        lead = likely(y, image, R) - likely(x, v, R) - 1.5 - (0 if self.fresh else 5)
+        lead = likely(y, image, R) - likely(x, v, R) - 1.5 - (0 if self.fresh else 3)
         self.fresh = False
-        if lead <= -8 or (y - x) @ (y - x) <= 4 * (spread + np.trace(own)):
+        if lead <= -8 or (y - x) @ (y - x) <= 1.4**2 * (spread + np.trace(own)):
             return
         self.there, self.lead = self.twin(), lead
         there = self.there
