@@ -39,6 +39,17 @@ def score(p: Symbols, before: Any, share: Any, short: Any, ranged: Any) -> Any:
     return ca.if_else(ranged, ca.fmax(before + more, 0), before)
 
 
+def wrong(innovation: Any, share: Any, density: Any) -> Any:
+    """Probability that a range is neither punctual nor late, so that the filter is wrong.
+
+    Parameters
+    ----------
+    share, density
+        Probability that the range is punctual, and density of its innovation [1/m].
+    """
+    return ca.if_else(innovation < 0, 1 - share, _WRONG / _REACH / density)
+
+
 def densities(p: Symbols, innovation: Any, S: Any) -> tuple[Any, Any]:
     """Densities of an innovation with variance S [1/m]: of punctual ranges, and of all others.
 

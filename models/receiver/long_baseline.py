@@ -12,7 +12,7 @@ import casadi as ca
 
 from ..declaration import number_of
 from ..equations import Equations, Loop, Symbols, Values
-from . import bank, estimate, field, lateness, least_squares, measurements, turn
+from . import bank, estimate, field, lateness, least_squares, measurements, mirror, turn
 from .estimate import pack, unpack
 from .field import CLOCK, POSITION, SPEED, VELOCITY
 from .least_squares import symmetric
@@ -24,6 +24,8 @@ from .variables import INITIALISATION
 _PRIOR = number_of(INITIALISATION, "prior")
 _MOVED = 0.1
 """A beacon that has moved by more than this fraction of its distance has been relocated."""
+_WIDE = 0.22
+"""Spread across a range, as a share of its length, above which its second order says little."""
 KEPT = tuple(range(estimate.STATES))
 """The states whose covariance is output: position and velocity."""
 
@@ -58,8 +60,9 @@ def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
         "passes": 0,
         "damping": 0,
         "fix": ca.SX.zeros(3),
+        "course": ca.SX.zeros(3),
         "spread": ca.SX.zeros(6),
-        "beginning": 0,
+        **mirror.initial(t),
     }
 
 
@@ -79,6 +82,7 @@ def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Val
         "nis": ca.if_else(update, 0, x.nis),
         "nis_degrees": ca.if_else(update, 0, x.nis_degrees),
         "passes": least_squares.PASSES * start,
+        "kind": mirror.HERE,
         "damping": least_squares.FIRST_DAMPING,
     }
 
@@ -143,7 +147,8 @@ def _read(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
 
 def _pending(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Any:
     """Whether a row processes the sample."""
-    return _sample(x).pending * ca.fmax(x.row == 0, bank.learned(p) * (x.row < bank.MODELS))
+    taking_part = ca.if_else(x.row == bank.EXTRA, x.other, bank.learned(p))
+    return _sample(x).pending * ca.fmax(x.row == 0, taking_part)
 
 
 def _filter(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
@@ -159,13 +164,15 @@ def _filter(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     for i, value in row.row.items():
         H[i] = value
     c = P @ H
-    S = ca.fmax(ca.dot(H, c), 0) + row.variance
-    innovation = s.z - row.value
+    bend, spread = _curved(P, H)
+    S = ca.fmax(ca.dot(H, c), 0) + row.variance + ca.if_else(s.is_depth, 0, spread)
+    innovation = s.z - row.value - ca.if_else(s.is_depth, 0, bend)
     punctual, other = lateness.densities(p, innovation, S)
     density = punctual + other
     share = ca.if_else(s.is_depth, 1, punctual / density)
     # A filter that learns how the diver moves needs no score of turns.
-    turned = turn.told(p, x, innovation, S, density, (s.is_depth == 0) * (bank.learned(p) == 0))
+    counts = (s.is_depth == 0) * (bank.learned(p) == 0)
+    turned = turn.told(p, x, innovation, S, density, counts, follows=x.row == bank.EXTRA)
     K = c / S
     used = (turned.again == 0) * share
     P += used * ((1 - share) * innovation**2 - S) * (K @ K.T)
@@ -174,9 +181,29 @@ def _filter(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
         "mean": mean + used * innovation * K,
         "covariance": pack(symmetric(P)),
         "weight": bank.weighed(x, density, s.is_depth == 0),
-        "heard": ca.vertcat(share, (1 - share) * (innovation < 0), used * innovation**2 / S),
+        "heard": ca.vertcat(
+            share, lateness.wrong(innovation, share, density), used * innovation**2 / S
+        ),
         **turned.states,
     }
+
+
+def _curved(P: Any, H: Any) -> tuple[Any, Any]:
+    """Mean and variance of what the curvature of a wavefront adds to a range.
+
+    Next to the line of the beacons a range has no slope across it, and only its curvature tells how
+    far off the diver is.
+    """
+    place = list(POSITION)
+    P, u = P[place, place], H[place]
+    u /= ca.sqrt(ca.fmax(ca.sumsqr(u), 1e-30))
+    length = ca.fmax(H[SPEED], 1)
+    v = P @ u
+    along = ca.dot(u, v)
+    across = ca.trace(P) - along
+    valid = 1 / (1 + (across / (_WIDE * length) ** 2) ** 2)
+    square = ca.sumsqr(P) - 2 * ca.sumsqr(v) + along**2
+    return valid * 0.5 * across / length, valid * 0.5 * square / length**2
 
 
 def _settle(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
@@ -188,18 +215,20 @@ def _settle(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     score = lateness.score(p, x.score, share, short * (begins == 0), sample.is_depth == 0)
     anew = (score > lateness.LIMIT) * s.enough * (begins == 0)
     done = ca.fmax(ca.vertcat(sample.which, sample.is_depth) * (x.again == 0), anew)
+    ranged = (sample.is_depth == 0) * (x.again == 0)
+    last = (ca.sum1(s.new) <= 1) * (x.again == 0)
+    side = mirror.settled(x, weight, ranged, anew, last, s.enough)
+    resets = ca.fmax(anew, side["beginning"] > 0)
     return {
         "sample": ca.vertcat(0, x.sample[1:]),
         "seen": ca.if_else(done, s.mark, x.seen),
         "epoch": ca.if_else(anew, s.newest, x.epoch),
         "weight": weight,
-        "score": ca.if_else(ca.fmax(anew, begins), 0, score),
-        "doubt": ca.if_else(anew, 0, x.doubt),
-        "restarts": x.restarts + anew,
+        "score": ca.if_else(ca.fmax(resets, begins), 0, score),
+        "doubt": ca.if_else(resets, 0, x.doubt),
         "nis": x.nis + nis,
         "nis_degrees": x.nis_degrees + (x.again == 0) * (share > 0.5),
-        "passes": ca.if_else(anew, least_squares.PASSES, x.passes),
-        "damping": ca.if_else(anew, least_squares.FIRST_DAMPING, x.damping),
+        **side,
     }
 
 
@@ -241,7 +270,37 @@ def _anew(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     keep their priors.
     """
     s = _samples(x, u)
-    position = ca.if_else(x.passes == least_squares.PASSES, least_squares.closed_form(s), x.fix)
+    there = x.kind == mirror.THERE
+    here = _here(x)
+    image = mirror.reflected(here, s, least_squares.weights(s, _variances(p, s, here.position)))
+    begin = ca.if_else(there, image.position, least_squares.closed_form(s))
+    position = ca.if_else(x.begun, x.fix, begin)
+    course = ca.if_else(there, image.velocity, 0)
+    s = mirror.moving(s, course)
+    weight = least_squares.weights(s, _variances(p, s, position))
+    result = least_squares.improve(position, x.damping, s, weight)
+    doubt = ca.fmax(result.cost / ca.fmax(least_squares.degrees(s), 1), 1)
+    last = ca.fmax(result.done, x.passes == 1)
+    return {
+        "begun": last == 0,
+        "fix": result.position,
+        "course": course,
+        "spread": pack(doubt * least_squares.inverse(result.information)),
+        "beginning": last * (x.kind == mirror.HERE),
+        "looking": last * there,
+        "damping": result.damping,
+        "passes": ca.if_else(last, 0, x.passes - 1),
+    }
+
+
+def _here(x: Symbols) -> mirror.Side:
+    """Where the bank is."""
+    mean, P = bank.mixture(x, POSITION)
+    return mirror.Side(mean[list(POSITION)], mean[list(VELOCITY)], ca.trace(P))
+
+
+def _variances(p: Symbols, s: Samples, position: Any) -> Any:
+    """Variances of the latest samples at a position, (N + 1, 1): what is common is noise, too."""
     length = ca.vertcat(*(
         measurements.distance(position, s.beacons[i, :])[0] for i in range(s.count)
     ))
@@ -249,44 +308,51 @@ def _anew(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     ranges = sounding_variance(p.range_std) + common + (p.sound_speed_std * length) ** 2
     depths = sounding_variance(p.depth_std) + p.depth_bias_std**2
     motion = p.prior_velocity_std * (s.newest - s.epoch)
-    weight = least_squares.weights(s, ca.vertcat(ranges, depths) + motion**2)
-    result = least_squares.improve(position, x.damping, s, weight)
-    doubt = ca.fmax(result.cost / ca.fmax(least_squares.degrees(s), 1), 1)
-    last = ca.fmax(result.done, x.passes == 1)
-    return {
-        "fix": result.position,
-        "spread": pack(doubt * least_squares.inverse(result.information)),
-        "beginning": last,
-        "damping": result.damping,
-        "passes": ca.if_else(last, 0, x.passes - 1),
-    }
+    return ca.vertcat(ranges, depths) + motion**2
+
+
+def _look(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
+    s, here = _samples(x, u), _here(x)
+    there = mirror.Side(x.fix, x.course, ca.trace(unpack(x.spread, 3)))
+    return mirror.looked(p, x, s, _variances(p, s, here.position), here, there)
 
 
 def _begins(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Any:
-    return x.beginning
+    return (x.beginning > 0) * ca.fmax(x.beginning != mirror.THERE, x.row == bank.EXTRA)
 
 
 def _begin(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
-    """Let a filter of the bank begin at the fix."""
+    """Let a filter begin at the fix, or where the one on the other side is."""
     place = list(POSITION)
     mean, P = ca.SX.zeros(field.states(p.beacons)), ca.diag(_unknown(p))
-    mean[place] = x.fix
+    mean[place], mean[list(VELOCITY)] = x.fix, x.course
     P[place, place] = unpack(x.spread, 3)
+    taken, here = x.beginning == mirror.TAKEN, x.beginning == mirror.HERE
     return {
-        "mean": mean,
-        "covariance": pack(P),
+        "mean": ca.if_else(taken, x.every.mean[bank.EXTRA, :].T, mean),
+        "covariance": ca.if_else(taken, x.every.covariance[bank.EXTRA, :].T, pack(P)),
         "weight": bank.begun_of(p, x),
-        "beginning": x.row < bank.ROWS - 1,
-        "mixed": x.epoch,
-        "nis": 0,
-        "nis_degrees": 0,
+        "beginning": ca.if_else(x.row == bank.ROWS - 1, 0, x.beginning),
+        "mixed": ca.if_else(x.beginning == mirror.THERE, x.mixed, x.epoch),
+        "looked": ca.if_else(here, x.epoch - mirror.EVERY, x.looked),
+        "fresh": ca.if_else(here, 1, x.fresh),
+        "nis": ca.if_else(here, 0, x.nis),
+        "nis_degrees": ca.if_else(here, 0, x.nis_degrees),
     }
 
 
 def _output(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Values:
     mean, P = bank.estimate(p, x, 0, KEPT)
+    kept = list(KEPT)
+    there, P_there = x.mean[bank.EXTRA, :].T, unpack(x.covariance[bank.EXTRA, :].T, mean.numel())
+    share, off = mirror.share(x), there - mean
+    mean = ca.if_else(x.other, mean + share * off, mean)
+    P = ca.if_else(
+        x.other, P[kept, kept] + share * (P_there[kept, kept] - P[kept, kept])
+        + share * (1 - share) * (off[kept] @ off[kept].T), P[kept, kept],
+    )
     return {
-        **estimate.outputs(x, mean[: estimate.STATES], P[: estimate.STATES, : estimate.STATES]),
+        **estimate.outputs(x, mean[: estimate.STATES], P),
         **estimate.of_clock(p, x, mean[CLOCK], mean[SPEED]),
         "motion_psd": ca.if_else(bank.learned(p), x.believed, p.acceleration_psd),
     }
@@ -302,6 +368,7 @@ EQUATIONS = Equations(
             Loop("settle", lambda p, x, u, t: _sample(x).pending, _settle),
         )),
         Loop("anew", lambda p, x, u, t: x.passes, _anew),
+        Loop("look", lambda p, x, u, t: x.looking, _look),
         Loop("begin", _begins, _begin, each=bank.STATES),
         *bank.loops(KEPT),
     ),

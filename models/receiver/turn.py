@@ -64,7 +64,7 @@ def initial(t: Any) -> Values:
 
 
 def told(
-    p: Symbols, x: Symbols, innovation: Any, S: Any, density: Any, counts: Any
+    p: Symbols, x: Symbols, innovation: Any, S: Any, density: Any, counts: Any, follows: Any
 ) -> Turn:
     """Add a range at ``x.epoch`` to the score (CUSUM: E. S. Page, Biometrika 41, 1954, 100-115).
 
@@ -76,6 +76,8 @@ def told(
         Density of the innovation without a turn [1/m].
     counts
         Whether the sample is a range that may declare a turn: 0 or 1.
+    follows
+        Whether the filter does what the states say of the sample already: 0 or 1.
     """
     pause = ca.if_else(x.epoch > x.ranged, x.epoch - x.ranged, x.pause)
     since = _SINCE * pause
@@ -85,13 +87,17 @@ def told(
     doubt = ca.fmax(x.doubt + ratio, 0)
     begins = (doubt > _LIMIT) * counts
     again = begins * (innovation < 0)
-    return Turn(
+    found = Turn(
         begins, again,
         doubt=ca.if_else(counts, ca.if_else(begins, 0, doubt), x.doubt),
         ranged=ca.if_else(counts * (again == 0), x.epoch, x.ranged),
         pause=ca.if_else(counts, pause, x.pause),
         since=since,
     )
+    states = {
+        name: ca.if_else(follows, getattr(x, name), value) for name, value in found.states.items()
+    }
+    return Turn(**states, since=ca.if_else(follows, _SINCE * x.pause, since))
 
 
 def widened(

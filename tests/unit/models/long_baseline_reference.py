@@ -7,6 +7,7 @@ squares by SciPy. Nothing is taken from the component.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -40,6 +41,8 @@ class Reference:
         self.updates = self.restarts = self.turns = self.degrees = 0
         self.counts = np.zeros(beacons)
         self.anchor: dict[int, Array] = {}
+        self.there: Reference | None = None
+        self.lead, self.looked, self.fresh, self.sides = 0.0, 0.0, False, 0
 
     def unknown(self) -> Array:
         """P before any measurement, but for the diver's place."""
@@ -62,14 +65,16 @@ class Reference:
             if enough:
                 self.ready = True
                 self.updates += 1
-                self.fix(u)
+                self.begin(u)
                 self.nis, self.degrees = 0.0, 0
             return
         self.updates += 1
         self.nis, self.degrees = 0.0, 0
         samples = [(u["depth_epoch"], -1)] if sounded else []
         samples += [(u["range_epoch"][i], i) for i in new]
-        for epoch, i in sorted(samples, key=lambda s: s[0]):  # of equal epochs the depth is first
+        for left, (epoch, i) in zip(  # of equal epochs the depth is first
+            range(len(samples) - 1, -1, -1), sorted(samples, key=lambda s: s[0]), strict=True
+        ):
             if i < 0:
                 self.advance(epoch)
                 self.sound(u["depth"])
@@ -78,6 +83,12 @@ class Reference:
                 return
             else:
                 self.counts[i] = u["reception_count"][i]
+            if self.there is not None and not left and self.lead > 4:
+                self.cross()
+            elif self.there is not None and self.lead < -8:
+                self.there = None
+            elif self.there is None and not left and enough and self.epoch - self.looked >= 12:
+                self.look(u)
 
     def advance(self, epoch: float) -> None:
         """To an epoch that is not before."""
@@ -96,6 +107,8 @@ class Reference:
         F[errors, errors] = decay
         Q[errors, errors] = np.diag(self.unknown())[FIRST:] * (1 - decay**2)
         self.mean, self.P = F @ self.mean, F @ self.P @ F.T + Q
+        if self.there is not None:
+            self.there.advance(epoch)
 
     def learn(self, H: Array, innovation: float, R: float, share: float = 1.0) -> None:
         """Update with a sample that counts with its probability, `share`."""
@@ -111,6 +124,8 @@ class Reference:
         H = np.zeros(self.n)
         H[[X[2], BIAS]] = 1
         self.learn(H, z - H @ self.mean, max(self.p["depth_std"], 1e-3) ** 2)
+        if self.there is not None:
+            self.there.sound(z)
 
     def about(self, known: Array, i: int) -> Array:
         """Where derivatives of the ranges of a beacon are taken."""
@@ -134,7 +149,12 @@ class Reference:
         R += H[X[2]] ** 2 * p["beacon_vertical_noise_std"] ** 2
         x = self.mean
         h = (1 + x[KAPPA]) * length(x[X] - known - x[e]) + x[BETA]
-        return H, z - h, R
+        # The second order, faded out where the diver may be anywhere.
+        P, u = self.P[np.ix_(X, X)], H[X] / length(H[X])
+        bent = (np.eye(3) - np.outer(u, u)) / H[KAPPA]
+        valid = 1 / (1 + (np.trace(bent @ P) / H[KAPPA] / 0.22**2) ** 2)
+        R += valid * 0.5 * np.trace(bent @ P @ bent @ P)
+        return H, z - h - valid * 0.5 * np.trace(bent @ P), R
 
     def densities(self, innovation: float, root: float) -> tuple[float, float]:
         """Of an innovation with this standard deviation: of a punctual range, and of others."""
@@ -144,6 +164,11 @@ class Reference:
         if p["outlier_probability"]:
             late += p["outlier_probability"] * exponnorm.pdf(innovation, m / root, scale=root)
         return float(punctual), float(late)
+
+    @staticmethod
+    def wrong(innovation: float, punctual: float, late: float) -> float:
+        """Probability that a range is neither punctual nor late."""
+        return (late if innovation < 0 else WRONG) / (punctual + late)
 
     def scored(self, share: float, short: float) -> float:
         """The score after a range."""
@@ -166,16 +191,18 @@ class Reference:
             turned = (1 - p["outlier_probability"]) * norm.pdf(innovation, scale=wider)
             doubt = max(self.doubt + np.log(turned / (punctual + late)), 0.0)
             begins = doubt > 9
-            score = self.scored(share, (1 - share) * (innovation < 0) * (not begins))
+            score = self.scored(share, self.wrong(innovation, punctual, late) * (not begins))
             anew = score > 12 and enough and not begins
             again = begins and innovation < 0
             if not again:
                 self.learn(H, innovation, R, share)
             self.turns += begins
-            if begins:
-                for j, k in zip(X, V, strict=True):
-                    block = np.array([[since**2, since], [since, 1]]) * p["prior_velocity_std"] ** 2
-                    self.P[np.ix_([j, k], [j, k])] += block
+            if self.there is not None:
+                found = self.there.beside(u["range"][i], known, i, about, not again)
+                self.lead += np.log(found / (punctual + late)) * (not again)
+            for it in (self, self.there) if begins else ():
+                if it is not None:
+                    it.widen(since)
             self.score = 0.0 if anew or begins else score
             self.doubt = 0.0 if anew or begins else doubt
             self.pause = pause
@@ -186,11 +213,111 @@ class Reference:
             if not again:
                 return bool(anew)
 
+    def widen(self, since: float) -> None:
+        """The diver has turned."""
+        for j, k in zip(X, V, strict=True):
+            block = np.array([[since**2, since], [since, 1]]) * self.p["prior_velocity_std"] ** 2
+            self.P[np.ix_([j, k], [j, k])] += block
+
     def anew(self, u: Mapping[str, Any]) -> None:
         """Start again."""
         self.restarts += 1
-        self.fix(u)
+        self.begin(u)
         self.nis, self.degrees = 0.0, 0
+
+    def begin(self, u: Mapping[str, Any]) -> None:
+        """Start, and look at the other side with the next samples."""
+        self.fix(u)
+        self.there, self.looked, self.fresh = None, self.epoch - 12, True
+
+    # --- The other side ---
+
+    def here(self) -> tuple[Array, Array, float]:
+        """Position, velocity, and sum of the position's variances."""
+        return self.mean[X], self.mean[V], float(np.trace(self.P[np.ix_(X, X)]))
+
+    def twin(self) -> Reference:
+        """A filter for the other side."""
+        return Reference(self.p, self.count)
+
+    def beside(self, z: float, known: Array, i: int, about: Array, use: bool) -> float:
+        """Take a range that another filter judges; density of its innovation."""
+        H, innovation, R = self.measured(z, known, i, about)
+        punctual, late = self.densities(innovation, np.sqrt(H @ self.P @ H + R))
+        if use:
+            self.learn(H, innovation, R, punctual / (punctual + late))
+        return punctual + late
+
+    def cross(self) -> None:
+        """The other side is right."""
+        assert self.there is not None
+        self.mean, self.P, self.there = self.there.mean, self.there.P, None
+        self.restarts += 1
+        self.sides += 1
+        self.score, self.doubt, self.looked = 0.0, 0.0, self.epoch
+
+    def look(self, u: Mapping[str, Any]) -> None:
+        """Seek a fix on the other side, in two damped steps from the mirror image."""
+        self.looked, p = self.epoch, self.p
+        heard = np.flatnonzero(u["reception_count"] > 0)
+        s, z = u["ping_beacon_position"][heard], np.append(u["range"][heard], u["depth"])
+        newest = max(u["range_epoch"].max(), u["depth_epoch"])
+        age = newest - np.append(u["range_epoch"][heard], u["depth_epoch"])
+        common = p["clock_std"] ** 2 + p["beacon_error_std"] ** 2 + p["beacon_noise_std"] ** 2
+
+        def variances(x: Array) -> Array:
+            far = np.linalg.norm(x - s, axis=1)
+            ranges = max(p["range_std"], 1e-3) ** 2 + common + (p["sound_speed_std"] * far) ** 2
+            depth = max(p["depth_std"], 1e-3) ** 2 + p["depth_bias_std"] ** 2
+            return np.append(ranges, depth) + (p["prior_velocity_std"] * age) ** 2
+
+        def residuals(x: Array, v: Array) -> Array:
+            then = x - age[:, None] * v
+            return z - np.append(np.linalg.norm(then[:-1] - s, axis=1), then[-1, 2])
+
+        def likely(x: Array, v: Array, R: Array) -> float:
+            r = residuals(x, v)[:-1]
+            return sum(float(np.log(sum(self.densities(e, np.sqrt(V_)))))
+                       for e, V_ in zip(r, R, strict=False))
+
+        x, v, spread = self.here()
+        w, best = 1 / variances(x)[:-1], np.inf
+        y, image = x, v
+        for i, j in combinations(range(len(heard)), 2):
+            a = (s[j] - s[i])[:2] / np.linalg.norm((s[j] - s[i])[:2])
+            flip = np.diag([0.0, 0.0, 1.0])
+            flip[:2, :2] = 2 * np.outer(a, a) - np.eye(2)
+            origin = np.append(s[i, :2], 0)
+            found, way = origin + flip @ (x - origin), flip @ v
+            cost = np.minimum(w * residuals(found, way)[:-1] ** 2, 20).sum()
+            if (found - x) @ (found - x) > 1.4**2 * spread and cost < best:
+                y, image, best = found, way, cost
+        damping = 1e-6
+        for _ in range(2):
+            W, r = np.diag(1 / variances(y)), residuals(y, image)
+            off = y - age[:-1, None] * image - s
+            J = np.vstack([off / np.linalg.norm(off, axis=1)[:, None], [0, 0, 1]])
+            information = J.T @ W @ J
+            step = np.linalg.solve(information + damping * np.diag(np.diag(information)),
+                                   J.T @ W @ r)
+            after = residuals(y + step, image)
+            better = after @ W @ after <= r @ W @ r
+            y, damping = y + better * step, damping * (0.01 if better else 100)
+            cost = min(after @ W @ after, r @ W @ r)
+            done = step @ step < 1e-14
+            if done:
+                break
+        own = np.linalg.inv(information) * max(cost / max(len(z) - 3, 1), 1.0)
+        R = variances(x)[:-1]
+        lead = likely(y, image, R) - likely(x, v, R) - 1.5 - (0 if self.fresh else 3)
+        self.fresh = False
+        if lead <= -8 or (y - x) @ (y - x) <= 1.4**2 * (spread + np.trace(own)):
+            return
+        self.there, self.lead = self.twin(), lead
+        there = self.there
+        there.P, there.mean, there.epoch = self.unknown(), np.zeros(self.n), self.epoch
+        there.mean[X], there.mean[V] = y, image
+        there.P[np.ix_(X, X)] = own
 
     def fix(self, u: Mapping[str, Any]) -> None:
         """Start from the latest receptions alone; what is common to ranges is their noise."""
@@ -235,8 +362,21 @@ class Reference:
         return found
 
     def output(self) -> dict[str, Any]:
+        mean, P = self.mean[:6], self.P[:6, :6]
+        clock, speed = self.mean[BETA], self.mean[KAPPA]
+        if self.there is not None:
+            share = 1 / (1 + np.exp(-self.lead))
+            there, P_there = self.there.mean[:6], self.there.P[:6, :6]
+            both = (1 - share) * mean + share * there
+            P = (1 - share) * (P + np.outer(mean - both, mean - both)) + share * (
+                P_there + np.outer(there - both, there - both))
+            mean = both
+            clock, speed = (
+                (1 - share) * self.mean[k] + share * self.there.mean[k] for k in (BETA, KAPPA))
+        c0 = self.p["assumed_sound_speed"]
         return {
-            "position": self.mean[X], "velocity": self.mean[V], "covariance": self.P[:6, :6],
+            "position": mean[X], "velocity": mean[V], "covariance": P,
+            "clock_offset": clock / c0, "sound_speed": c0 / (1 + speed),
             "nis": self.nis, "nis_degrees": self.degrees, "restart_count": self.restarts,
         }
 
@@ -272,12 +412,37 @@ class Learning(Reference):
         for f in self.filters:
             f.nis = 0.0
             f.advance(epoch)
+        if self.there is not None:
+            self.there.advance(epoch)
+
+    def here(self) -> tuple[Array, Array, float]:
+        self.follow()
+        return super().here()
+
+    def twin(self) -> Reference:
+        return Reference({**self.p, "acceleration_psd": self.believed()}, self.count)
+
+    def believed(self) -> float:
+        """q that was shown last."""
+        return float(np.exp(self.shown @ np.log(self.psds)))
+
+    def cross(self) -> None:
+        super().cross()
+        self.spread()
+
+    def spread(self) -> None:
+        """All filters are where the mean is."""
+        for f in self.filters:
+            f.mean, f.P, f.epoch = self.mean.copy(), self.P.copy(), self.epoch
+        self.weights, self.mixed = np.full(len(self.psds), 1 / len(self.psds)), self.epoch
 
     def sound(self, z: float) -> None:
         for f in self.filters:
             f.sound(z)
         self.nis += float(self.weights @ [f.nis for f in self.filters])
         self.degrees += 1
+        if self.there is not None:
+            self.there.sound(z)
 
     def hear(self, u: Mapping[str, Any], i: int, epoch: float, enough: bool) -> bool:
         self.advance(epoch)
@@ -288,8 +453,11 @@ class Learning(Reference):
             punctual, late = f.densities(innovation, np.sqrt(H @ f.P @ H + R))
             share = punctual / (punctual + late)
             f.learn(H, innovation, R, share)
-            found.append((punctual + late, share, (1 - share) * (innovation < 0), f.nis))
+            found.append((punctual + late, share, self.wrong(innovation, punctual, late), f.nis))
         density, *told = np.array(found).T
+        if self.there is not None:
+            ahead = self.there.beside(u["range"][i], known, i, about, True)
+            self.lead += np.log(ahead / (self.weights @ density))
         self.weights = self.weights * density / (self.weights @ density)
         share, short, nis = (float(self.weights @ values) for values in told)
         self.score = self.scored(share, short)
@@ -303,15 +471,15 @@ class Learning(Reference):
 
     def fix(self, u: Mapping[str, Any]) -> None:
         super().fix(u)
-        for f in self.filters:
-            f.mean, f.P, f.epoch = self.mean.copy(), self.P.copy(), self.epoch
-        self.weights, self.mixed = np.full(len(self.psds), 1 / len(self.psds)), self.epoch
+        self.spread()
 
     def tick(self, u: Mapping[str, Any]) -> None:
         """One update; then the filters are mixed, if it is time."""
         super().tick(u)
         self.follow()
         self.shown = self.weights
+        if self.there is not None:
+            self.there.p = {**self.p, "acceleration_psd": self.believed()}
         if not self.ready or self.epoch - self.mixed < self.every:
             return
         stay, n = np.exp(-(self.epoch - self.mixed) / self.memory), len(self.psds)
@@ -329,4 +497,4 @@ class Learning(Reference):
         self.weights, self.mixed = ahead, self.epoch
 
     def output(self) -> dict[str, Any]:
-        return super().output() | {"motion_psd": float(np.exp(self.shown @ np.log(self.psds)))}
+        return super().output() | {"motion_psd": self.believed()}

@@ -19,9 +19,11 @@ def told(
     innovation: float, S: float, *, doubt: float = 0.0, epoch: float = 7.5, counts: int = 1
 ) -> turn.Turn:
     """After ranges at 7 s and, before that, at 6.2 s."""
-    x = SimpleNamespace(ranged=7.0, pause=0.8, doubt=doubt, epoch=ca.SX(epoch))
+    x = SimpleNamespace(
+        ranged=7.0, pause=0.8, doubt=doubt, epoch=ca.SX(epoch), begins=0, again=0
+    )
     parts = lateness.densities(P, ca.SX(innovation), ca.SX(S))
-    result = turn.told(P, x, ca.SX(innovation), ca.SX(S), sum(parts), ca.SX(counts))
+    result = turn.told(P, x, ca.SX(innovation), ca.SX(S), sum(parts), ca.SX(counts), follows=0)
     return turn.Turn(*(float(ca.evalf(ca.SX(getattr(result, f.name)))) for f in fields(turn.Turn)))
 
 
@@ -71,10 +73,12 @@ def test_what_fits_is_no_turn_nor_is_anything_where_velocities_are_known() -> No
     S = 0.05**2
     assert told(0.02, S, doubt=2.0).doubt < 0.5
     known = SimpleNamespace(**{**vars(P), "prior_velocity_std": 0.0, "outlier_probability": 0.9})
-    x = SimpleNamespace(ranged=7.0, pause=0.8, doubt=0.0, epoch=ca.SX(7.5))
+    x = SimpleNamespace(
+        ranged=7.0, pause=0.8, doubt=0.0, epoch=ca.SX(7.5), begins=0, again=0
+    )
     for innovation in np.linspace(-1, 1, 41):
         value: Any = sum(lateness.densities(known, ca.SX(innovation), ca.SX(S)))
-        result = turn.told(known, x, ca.SX(innovation), ca.SX(S), value, ca.SX(1))
+        result = turn.told(known, x, ca.SX(innovation), ca.SX(S), value, ca.SX(1), follows=0)
         assert float(ca.evalf(result.doubt)) == 0.0
 
 
