@@ -1,8 +1,9 @@
 """Whether the diver is on the other side of the beacons, where the ranges nearly fit as well.
 
 Beacons nearly on a line, or the two that have been heard lately, have a mirror image of the diver.
-Each time it is due, a fix is sought from the best image about the line of two beacons. Where the ranges may as well come from it, a second
-filter begins there and processes the same samples. The likelihood of the ranges decides.
+Each time it is due, a fix is sought from the best image about the line of two beacons. Where the
+ranges may as well come from it, a second filter begins there and processes the same samples. The
+likelihood of the ranges decides.
 """
 
 from __future__ import annotations
