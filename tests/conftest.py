@@ -11,6 +11,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent / "unit" / "models"))
 sys.path.insert(0, str(Path(__file__).parent / "unit" / "fmus"))
+sys.path.insert(0, str(Path(__file__).parent / "physics"))
 sys.path.insert(0, str(Path(__file__).parent))
 
 from seams import Seam

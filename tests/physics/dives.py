@@ -209,7 +209,7 @@ LONG_S = 20.0
 
 
 def possible(name: str, runs: int = 20) -> float:
-    """RMS [m] of what `sblcosim.limits` calls possible, over some runs, when there are estimates."""
+    """RMS [m] of what `sblcosim.limits` calls possible at the estimates, over some runs."""
     found = []
     for seed in range(1, runs + 1):
         run = sblcosim.run(scenario_of(name), receiver_of(name), {"seed": seed})

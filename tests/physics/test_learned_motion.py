@@ -67,12 +67,12 @@ def test_a_diver_on_the_line_of_the_beacons_is_seldom_lost_on_the_wrong_side() -
     assert bad <= 0.02
 
 
-def drawn(q: float, runs: int, psd: float, arm: float) -> tuple[float, float, float, float]:
-    """RMS [m], mean NEES, median of what is believed at the end, and the bound's RMS [m]."""
+def matched(q: float, arm: float, duration: float = 60.0) -> sblcosim.Scenario:
+    """A dive whose motion is drawn from the filter's model."""
     start = {"prior_position_m": [15.0, 0.0, 15.0], "prior_position_std_m": 1.0,
              "prior_velocity_std_m_s": 0.1}
-    scenario = sblcosim.load({
-        "time": {"sampling_time_s": 1.0, "duration_s": 60.0},
+    return sblcosim.load({
+        "time": {"sampling_time_s": 1.0, "duration_s": duration},
         "target": {
             "trajectory": "white_noise_acceleration", "acceleration_psd_m2_s3": q,
             "initial_position_m": start["prior_position_m"], "initial_position_std_m": 1.0,
@@ -86,6 +86,11 @@ def drawn(q: float, runs: int, psd: float, arm: float) -> tuple[float, float, fl
         "acoustics": {"range_std_m": 0.1, "loss_probability": 0.25},
         "receiver": {"initialisation": "prior", "speed_limit_m_s": 20.0, **start},
     })
+
+
+def drawn(q: float, runs: int, psd: float, arm: float) -> tuple[float, float, float, float]:
+    """RMS [m], mean NEES, median of what is believed at the end, and the bound's RMS [m]."""
+    scenario = matched(q, arm)
     plan = resolve(connect(scenario, "coupled"))
     truth = ("target.position", "target.velocity", "platform.position", "platform.attitude",
              "acoustics.reception_count", "acoustics.range_epoch", "target.depth_epoch",
@@ -116,6 +121,22 @@ def test_where_motion_is_drawn_it_is_near_the_bound_and_believes_the_truth(
     assert rms < 1.15 * bound or arm < 1  # bearings of ±0.4 rad are no Gaussian
     assert 2.5 < nees < 3.4
     assert q / 3 < believed < 3 * q
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("watch", [0.0, 1.0])
+@pytest.mark.parametrize("arm", [3.0, 0.4])
+def test_false_restarts_where_motion_is_drawn_are_rare(arm: float, watch: float) -> None:
+    """Less than one an hour, over 33 hours."""
+    runs, duration = 400, 300.0
+    plan = resolve(connect(matched(0.01, arm, duration), "coupled"))
+    seeds = {f"{component}.seed": np.arange(1, runs + 1) for component in COMPONENTS}
+    given = {"coupled.acceleration_psd": np.array([LEARNED]), "coupled.watch": np.array([watch])}
+    outcome = execute(plan, {**seeds, **given}, record=["coupled.restart_count"])
+    restarts = float(outcome.values["coupled.restart_count"][:, -1].sum())
+    an_hour = restarts / (runs * duration) * 3600
+    print(f"arms {arm} m, watch {watch:g}: {an_hour:.2f} restarts an hour")
+    assert an_hour < 1
 
 
 def test_a_given_density_is_reported_as_it_is() -> None:

@@ -102,7 +102,7 @@ def test_shares_in_per_cent() -> None:
     assert [percent(0.95), percent(0.95, ".1f"), percent(0.995, ".4g")] == [
         "95 %", "95.0 %", "99.5 %"]  # fmt: skip
     assert [*map(rough_percent, (0.0, 0.0123, 0.0995, 0.5))] == ["0 %", "1.2 %", "10 %", "50 %"]
-    assert [*map(rough_percent, (0.99, 0.995, 0.9999, 1.0))] == ["99 %", "99.5 %", "99.9 %", "100 %"]
+    assert [*map(rough_percent, (0.99, 0.995, 0.9999, 1))] == ["99 %", "99.5 %", "99.9 %", "100 %"]
     assert [whole_percent(x) for x in (-0.001, -0.03, 0.126, nan)] == ["0 %", "−3 %", "13 %", ""]
     assert [percent_at_least(0.9899), percent_at_least(0.9999), percent_at_most(0.011)] == [
         "98 %", "99.9 %", "2 %"]  # fmt: skip
