@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,9 +16,11 @@ from sblcosim.models import RECEIVERS
 from ..answer import Extended
 from ..artifacts import Other, plain
 from ..data import samples
+from ..data.estimates import Estimates
 from ..data.samples import Samples
 from ..errors import ConfigurationError, ConfigurationWarning, instance, nearest, shortened
 from ..layout import fitted
+from ..results.motion import LEARNED
 from ..results.result import Result
 from ..scenario.arrangement import has_own_errors
 from ..scenario.overrides import Changes, pairs
@@ -25,7 +28,8 @@ from ..scenario.scenario import Scenario, load
 from ..scenario.sources import choice_of
 from ..scenario.wiring import applied
 from ..shown import Picture
-from . import model, outcome, smoother, start
+from ..words.lists import listed
+from . import belief, model, outcome, smoother, start
 from .folder import read_run
 from .smoother import PASSES, Track
 
@@ -52,12 +56,21 @@ class Smoothed(Extended):
         The run, with ``smoother`` next to its receivers in all tables and figures.
     track
         All states at all epochs, and the convergence of the passes.
+    doubts
+        What speaks against the track, as parts of a sentence (`sblcosim.estimation.belief`). If
+        anything does, the estimates of ``smoother`` are those of the filter that it began with.
     """
 
     document = "smooth"
 
     result: Result
     track: Track
+    doubts: tuple[str, ...] = ()
+
+    @property
+    def believable(self) -> bool:
+        """Whether nothing speaks against the track."""
+        return not self.doubts
 
     @property
     def estimates(self) -> pd.DataFrame:
@@ -110,8 +123,11 @@ class Smoothed(Extended):
         )
 
     def to_json(self) -> dict[str, Any]:
-        """As `Result.to_json`, plus ``steps_m`` and ``converged``."""
-        own = {"steps_m": list(self.track.steps_m), "converged": self.track.converged}
+        """As `Result.to_json`, plus ``steps_m``, ``converged``, ``believable`` and ``doubts``."""
+        own = {
+            "steps_m": list(self.track.steps_m), "converged": self.track.converged,
+            "believable": self.believable, "doubts": list(self.doubts),
+        }
         return {**self.result.to_json(), **plain(own)}
 
     def text(self, *, verbose: bool = False, width: int | None = None) -> str:
@@ -129,7 +145,7 @@ class Smoothed(Extended):
         steps = self.track.steps_m
         passes = f"{len(steps)} pass{'' if len(steps) == 1 else 'es'}"
         moved = f"the last pass moved no position by more than {steps[-1]:.2g} m"
-        how = "" if self.track.converged else "; it has not converged"
+        how = "" if self.believable else f"; not believable, as {listed(self.doubts)}"
         return f"{SMOOTHER}: {passes}, {moved}{how}"
 
 
@@ -141,7 +157,8 @@ def smooth(
 
     The smoother (`sblcosim.estimation.smoother`) uses the model and the parameters of the receiver
     `coupled`. It starts from the estimates of `coupled`. If that was not in the run, it is run on
-    the received data.
+    the received data. If the track is not believable (`sblcosim.estimation.belief`), the estimates
+    of `coupled` are given in its place, and a remark says so.
 
     Parameters
     ----------
@@ -149,7 +166,8 @@ def smooth(
         A result, or its folder.
     overrides
         Keys of ``[receiver]`` to change, for example ``{"receiver.acceleration_psd_m2_s3":
-        0.003}``. With ``"learned"``, the smoother takes the median of what `coupled` learned.
+        0.003}``. With ``"learned"``, the smoother learns q of the diver's motion for each stretch,
+        beginning with the median of what `coupled` learned.
     passes
         Maximum number of Gauss-Newton passes.
 
@@ -176,11 +194,38 @@ def smooth(
     label = start.ran(record)
     if label is None:
         record, label = start.run_coupled(record, p, scenario), COUPLED
-    p = model.settled(p, label, record)
-    track = smoother.smooth(p, received, start.trajectory(record, label, p, received), passes)
-    estimates = outcome.of_states(p, received, track.mean, track.covariance)
-    origin = outcome.origin_of(p, SMOOTHER, looks_back=True, steps_m=track.steps_m)
-    return Smoothed(outcome.beside(result, SMOOTHER, estimates, origin), track)
+    settled = model.settled(p, label, record)
+    track = smoother.smooth(
+        settled, received, start.trajectory(record, label, p, received), passes,
+        learns=settled is not p,
+    )
+    filtered = record.estimates(label)
+    doubts = belief.doubts(p, received, track, filtered)
+    estimates = (
+        _without_times(filtered) if doubts
+        else outcome.of_states(p, received, track.mean, track.covariance)
+    )
+    learned = {} if settled is p else {
+        LEARNED: {"median": float(np.median(track.psd)), "last": float(track.psd[-1])}
+    }
+    origin = outcome.origin_of(
+        p, SMOOTHER, looks_back=True, steps_m=track.steps_m, doubts=doubts, **learned
+    )
+    remarks = [_refusal(doubts, label)] if doubts else []
+    beside = outcome.beside(result, SMOOTHER, estimates, origin, remarks)
+    return Smoothed(beside, track, doubts)
+
+
+def _without_times(estimates: Estimates) -> Estimates:
+    """Estimates of a receiver as if made after the run."""
+    return replace(estimates, available_ns=None, until_ns=None, update_count=None)
+
+
+def _refusal(doubts: Sequence[str], label: str) -> str:
+    return (
+        f"{SMOOTHER}: its track is not believable, as {listed(doubts)}; its estimates are those of "
+        f"{label!r}"
+    )
 
 
 def prepared(

@@ -49,9 +49,7 @@ def psd_of(receiver: str | None, record: Record) -> float:
 
 def settled(p: Any, receiver: str | None, record: Record) -> Any:
     """The parameters with a number for q: if it is to be learned, that of `psd_of`."""
-    if p.acceleration_psd >= 0:
-        return p
-    return SimpleNamespace(**vars(p) | {_PSD: psd_of(receiver, record)})
+    return p if p.acceleration_psd >= 0 else _moving(p, psd_of(receiver, record))
 
 
 def parameters(scenario: Scenario, start: Floats) -> Any:
@@ -85,7 +83,7 @@ class Rows:
     node
         Index of the epoch; shape (m,).
     H, residual, variance
-        Row, measured minus predicted, and variance of the white noise; shape (m, 19), (m,), (m,).
+        Row, measured minus predicted, and variance of the white noise; shape (m, d), (m,), (m,).
     is_range
         Whether it is a range, which may be late; shape (m,).
     """
@@ -116,7 +114,7 @@ def rows(p: Any, samples: Samples, trajectory: Floats) -> Rows:
     Parameters
     ----------
     trajectory
-        States at the epochs of the samples; shape (n, 19).
+        States at the epochs of the samples; shape (n, d).
     """
     parts = [*_parts(p, samples, trajectory)]
     node, kind = (np.concatenate([part[i] for part in parts]) for i in (0, 1))
@@ -162,7 +160,7 @@ def _parts(p: Any, samples: Samples, trajectory: Floats) -> Iterator[_Part]:
 
 
 def prior(p: Any, begin: Floats) -> tuple[Floats, Floats]:
-    """Mean and standard deviations at the start, shape (19,).
+    """Mean and standard deviations at the start, shape (d,).
 
     Parameters
     ----------
@@ -184,7 +182,7 @@ def prior(p: Any, begin: Floats) -> tuple[Floats, Floats]:
 
 
 def transition(p: Any, dt: float) -> tuple[Floats, Floats]:
-    """Φ and Q over dt [s]; (19, 19) each."""
+    """Φ and Q over dt [s]; (d, d) each."""
     phi, noise = surroundings.transition(np, p, dt)
     Phi, Q = np.eye(STATES), np.zeros((STATES, STATES))
     for (i, j), value in phi.items():
@@ -194,20 +192,37 @@ def transition(p: Any, dt: float) -> tuple[Floats, Floats]:
     return Phi, Q
 
 
-def transitions(p: Any, start_ns: int, epochs_ns: Integers) -> tuple[Floats, Floats, Indices]:
-    """Φ and Q of all distinct steps, and the index of the one before each epoch."""
-    steps, which = np.unique(np.diff(epochs_ns, prepend=start_ns), return_inverse=True)
-    phi, noise = np.zeros((2, len(steps), STATES, STATES))
-    for k, step in enumerate(steps):
-        phi[k], noise[k] = transition(p, float(step) / 1e9)
-    return phi, noise, which
+def transitions(
+    p: Any, start_ns: int, epochs_ns: Integers, psd: Floats | None = None
+) -> tuple[Floats, Floats, Indices]:
+    """Φ and Q of all distinct steps, and the index of the one before each epoch.
+
+    Parameters
+    ----------
+    psd
+        q of the diver's motion in the step to each epoch [m²/s³]; None: that of the parameters.
+    """
+    own = np.full(len(epochs_ns), float(p.acceleration_psd)) if psd is None else psd
+    steps, step = np.unique(np.diff(epochs_ns, prepend=start_ns), return_inverse=True)
+    pairs, which = np.unique(np.column_stack([step, own]), axis=0, return_inverse=True)
+    # Q is that of an unmoved diver, and q times that of a density of 1.
+    phi, still, restless = np.zeros((3, len(steps), STATES, STATES))
+    for k, width in enumerate(steps):
+        phi[k], still[k] = transition(_moving(p, 0.0), float(width) / 1e9)
+        restless[k] = transition(_moving(p, 1.0), float(width) / 1e9)[1] - still[k]
+    of, q = pairs[:, 0].astype(np.intp), pairs[:, 1]
+    return phi[of], still[of] + q[:, None, None] * restless[of], which.ravel()
 
 
-def problem(p: Any, samples: Samples, begin: Floats) -> Problem:
-    """The linear problem without its measurements: prior and motion."""
+def _moving(p: Any, psd: float) -> Any:
+    return SimpleNamespace(**vars(p) | {_PSD: psd})
+
+
+def problem(p: Any, samples: Samples, begin: Floats, psd: Floats | None = None) -> Problem:
+    """The linear problem without its measurements: prior and motion; see `transitions`."""
     mean, std = prior(p, begin)
     epochs = samples.epochs_ns
-    phi, noise, which = transitions(p, samples.start_ns, epochs)
+    phi, noise, which = transitions(p, samples.start_ns, epochs, psd)
     nothing = np.zeros(0)
     return Problem(
         mean, np.diag(std**2), phi, noise, which, np.zeros(len(epochs) + 1, np.intp),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -39,7 +39,7 @@ def of_states(
     Parameters
     ----------
     mean, covariance
-        Shape (n, 19), (n, 19, 19).
+        Shape (n, d), (n, d, d) with d states.
     """
     epochs = samples.epochs_ns
     heard = np.searchsorted(samples.range_ns, epochs, side="right") - 1
@@ -102,7 +102,8 @@ def first_ns(p: Any, samples: Samples) -> int:
 
 
 def beside(
-    result: Result, label: str, estimates: Estimates, origin: Mapping[str, Any]
+    result: Result, label: str, estimates: Estimates, origin: Mapping[str, Any],
+    remarks: Sequence[str] = (),
 ) -> Result:
     """The result with another receiver, whose estimates were made after the run.
 
@@ -112,6 +113,8 @@ def beside(
         Its name in tables and figures. Existing estimates with that name are replaced.
     origin
         Its origin for the manifest.
+    remarks
+        Remarks on it. They begin with its name, and replace those of estimates with that name.
     """
     before = [name for name in result.description.receivers if name not in (label, RAW)]
     last = [name for name in result.description.receivers if name == RAW]
@@ -119,6 +122,9 @@ def beside(
         result.description,
         receivers=[*before, label, *last],
         origins={**result.origins, label: dict(origin)},
+        remarks=[
+            *(it for it in result.description.remarks if not it.startswith(f"{label}: ")), *remarks
+        ],
     )
     return Result(
         description, result.record, result.update_interval_ns, result.failures,

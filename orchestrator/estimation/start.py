@@ -80,7 +80,7 @@ def run_coupled(record: Record, p: Any, scenario: Scenario) -> Record:
 
 
 def trajectory(record: Record, label: str, p: Any, samples: Samples) -> Floats:
-    """States at the epochs of the samples, from the estimates of `coupled`; shape (n, 19).
+    """States at the epochs of the samples, from the estimates of `coupled`; shape (n, d).
 
     Raises
     ------
