@@ -7,7 +7,6 @@ next to those of a centimetre, do no harm.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,9 +14,6 @@ from numpy.typing import NDArray
 from sblcosim.fmus import stopping
 
 Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
-Share = Callable[[float, float], float]
-"""Weight of a measurement, 0 to 1, from its innovation [m] and the variance of that [m²]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,17 +64,8 @@ class Moments:
     weight: Floats
 
 
-def smooth(problem: Problem, share: Share | None = None, doubtful: Flags | None = None) -> Moments:
-    """Mean and covariance of all states, given all measurements.
-
-    Parameters
-    ----------
-    share
-        Weight of a doubtful measurement, from its innovation when it is used. Its variance is
-        divided by the weight. None: 1.
-    doubtful
-        Flags of the measurements that `share` is called for; shape (m,).
-    """
+def smooth(problem: Problem) -> Moments:
+    """Mean and covariance of all states, given all measurements."""
     n, d = len(problem.which), len(problem.mean)
     x, P = problem.mean, problem.covariance
     means, covariances = np.empty((n, d)), np.empty((n, d, d))
@@ -94,8 +81,6 @@ def smooth(problem: Problem, share: Share | None = None, doubtful: Flags | None 
             h = problem.H[i]
             c = P @ h
             own, nu = h @ c, problem.z[i] - h @ x
-            if share is not None and doubtful is not None and doubtful[i]:
-                S[i] /= share(nu, own + S[i])
             S[i] += own
             innovation[i], gains[i] = nu, c / S[i]
             x = x + gains[i] * nu

@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from sblcosim.models.receiver.receivers.coupled import COMPONENT as COUPLED
 from sblcosim.models.receiver.surroundings import (
     CLOCK,
     NEAREST,
@@ -71,7 +70,7 @@ def of_states(
         ),
         clock_offset=mean[:, CLOCK] / c,
         sound_speed=c / (1 + mean[:, SPEED]),
-    ).chosen(epochs >= first_ns(p, samples))
+    ).chosen(epochs >= model.first_ns(p, samples))
 
 
 def bent_by(y: Floats, P: Floats) -> Floats:
@@ -91,14 +90,6 @@ def bent_by(y: Floats, P: Floats) -> Floats:
         ((share * radius**2)[:, None, None] * e[:, :, None] * e[:, None, :] for share, e in shares),
         np.zeros_like(P),
     )
-
-
-def first_ns(p: Any, samples: Samples) -> int:
-    """Epoch of the first estimate [ns]; with a prior the first epoch, as for `coupled`."""
-    enough = samples.enough_ns()
-    if p.initialisation == model.PRIOR or enough is None:
-        return int(samples.epochs_ns[0])
-    return enough
 
 
 def beside(
@@ -132,7 +123,9 @@ def beside(
     )
 
 
-def origin_of(p: Any, kind: str, **facts: Any) -> dict[str, Any]:
+def origin_of(
+    p: Any, kind: str, of: model.RunModel = model.ON_PLATFORM, **facts: Any
+) -> dict[str, Any]:
     """Origin of an estimator for the manifest: its kind, its parameters, and further facts."""
-    values = {v.name: getattr(p, v.name) for v in COUPLED.of("parameter")}
+    values = {v.name: getattr(p, v.name) for v in of.component.of("parameter")}
     return {"type": kind, **facts, "parameters": values}

@@ -172,7 +172,7 @@ def filtered(p: Any, samples: Samples, particles: int, seed: int) -> Estimates:
     poses = _poses(p, samples)
     cloud = begun(p, particles)
     then, located, down = samples.start_ns, p.initialisation == model.PRIOR, 0.0
-    first, fresh = outcome.first_ns(p, samples), samples.has_own_pose
+    first, fresh = model.first_ns(p, samples), samples.has_own_pose
     rows: list[tuple[Any, ...]] = []
     for epoch in samples.epochs_ns.tolist():
         stopping.check()

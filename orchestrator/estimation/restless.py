@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
-from sblcosim.models.receiver.surroundings import POSITION, VELOCITY
 
 from ..data.samples import Samples
 from . import model
@@ -26,15 +25,16 @@ EXPECTED = 4.0
 """Number of directions of noise for which the expected q counts in each stretch."""
 _LEAST, _MOST = 1e-4, 10.0
 """Bounds of q [m²/s³]."""
-_HORIZONTAL = [*POSITION[:2], *VELOCITY[:2]]
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class Stretches:
     """The stretches of a run.
 
     Attributes
     ----------
+    states
+        Indices of the diver's horizontal states.
     expected
         q that is expected [m²/s³].
     unit
@@ -43,29 +43,31 @@ class Motion:
         Index of the stretch of each epoch; shape (n,).
     """
 
+    states: list[int]
     expected: float
     unit: Floats
     stretch: model.Indices
 
     @classmethod
-    def of(cls, p: Any, samples: Samples) -> Self:
+    def of(cls, p: Any, samples: Samples, of: model.RunModel) -> Self:
         """The stretches of a run; q of the parameters is expected."""
         epochs = samples.epochs_ns
+        states = [*of.position[:2], *of.velocity[:2]]
 
         def noise(psd: float) -> Floats:
             _, Q, which = model.transitions(
-                p, samples.start_ns, epochs, np.full(len(epochs), psd)
+                p, samples.start_ns, epochs, np.full(len(epochs), psd), of
             )
-            horizontal: Floats = Q[:, _HORIZONTAL][:, :, _HORIZONTAL][which]
+            horizontal: Floats = Q[:, states][:, :, states][which]
             return horizontal
 
         stretch = ((epochs - epochs[0]) / 1e9 // STRETCH_S).astype(np.intp)
-        return cls(float(p.acceleration_psd), noise(1.0) - noise(0.0), stretch)
+        return cls(states, float(p.acceleration_psd), noise(1.0) - noise(0.0), stretch)
 
     def relearned(self, psd: Floats, moments: Moments) -> Floats:
         """q in the step to each epoch [m²/s³], from what was assumed and what came of it."""
-        lean = moments.lean[:, _HORIZONTAL]
-        weight = moments.weight[:, _HORIZONTAL][:, :, _HORIZONTAL]
+        lean = moments.lean[:, self.states]
+        weight = moments.weight[:, self.states][:, :, self.states]
         energy = psd**2 * np.einsum("ki,kij,kj->k", lean, self.unit, lean)
         measured = psd * np.einsum("kij,kji->k", self.unit, weight)
         energy, measured = (np.bincount(self.stretch, it) for it in (energy, measured))

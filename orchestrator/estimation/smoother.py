@@ -20,13 +20,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from sblcosim.models.receiver.surroundings import POSITION
 
 from ..data.estimates import Integers
 from ..data.samples import Samples
 from ..shown import Shown
 from . import late, linear, model, restless
 from .linear import Floats, Moments, Problem
+from .model import ON_PLATFORM, RunModel
 
 PASSES = 60
 """Maximum number of passes."""
@@ -34,6 +34,8 @@ CLOSE = 1e-3
 """A pass that moves no position by more than this many m is the last."""
 HEAT = (1000.0, 300.0, 100.0, 30.0, 10.0, 3.0)
 """Factors on the variances of ranges in the first passes."""
+LEARNING = 12
+"""Number of passes after these in which q is learned. Later ones keep it, and converge."""
 _SHORTEST, _LONGEST = 0.1, 3.0
 """Bounds of a step's length, as a share of the full one."""
 _LEAST = 0.05
@@ -49,8 +51,8 @@ class Track(Shown):
     epochs_ns
         Epochs [ns]; shape (n,).
     mean, covariance
-        Of the states of `sblcosim.models.receiver.surroundings` at these epochs; (n, d), (n, d, d)
-        with d states.
+        Of the d states of the model at these epochs: `sblcosim.models.receiver.surroundings`, or
+        `sblcosim.estimation.field`; (n, d), (n, d, d).
     punctual
         Probability that each range is punctual, in the order of the samples; shape (m,).
     residual
@@ -77,14 +79,15 @@ class Track(Shown):
 
 
 def smooth(
-    p: Any, samples: Samples, trajectory: Floats, passes: int = PASSES, *, learns: bool = False
+    p: Any, samples: Samples, trajectory: Floats, passes: int = PASSES, *, learns: bool = False,
+    of: RunModel = ON_PLATFORM,
 ) -> Track:
     """Find the most probable track.
 
     Parameters
     ----------
     p
-        Parameters of `coupled`; see `sblcosim.estimation.model.settled`.
+        Parameters of the model's receiver; see `sblcosim.estimation.model.settled`.
     trajectory
         Starting point: states at the epochs of the samples; shape (n, d). The positions should be
         close; the motion does not matter.
@@ -93,66 +96,71 @@ def smooth(
     learns
         Whether q of the diver's motion is learned for each stretch, from that of the parameters on;
         see `sblcosim.estimation.restless`.
+    of
+        The model.
     """
     epochs = samples.epochs_ns
     psd = np.full(len(epochs), float(p.acceleration_psd))
-    motion = restless.Motion.of(p, samples) if learns else None
+    stretches = restless.Stretches.of(p, samples, of) if learns else None
     at, heated = trajectory, len(HEAT[: passes - 1])
     moments: Moments
     steps: list[float] = []
-    stride = _Stride()
+    stride = _Stride(of)
     for turn in range(passes):
         heat = HEAT[turn] if turn < heated else 1.0
-        rows = model.rows(p, samples, at)
+        rows = model.rows(p, samples, at, of)
         variance = rows.variance[rows.is_range] * heat
         punctual = late.share(p, rows.residual[rows.is_range], variance)
-        frame = model.problem(p, samples, trajectory[0], psd)
+        frame = model.problem(p, samples, trajectory[0], psd, of)
         moments = linear.smooth(linearised(frame, rows, at, punctual / heat))
         move = moments.mean - at
-        steps.append(_farthest(move))
+        steps.append(_farthest(move, of))
         last = turn > heated and steps[-1] < CLOSE
         at = moments.mean if turn < heated or last else at + stride.after(move) * move
         if last:
             break
-        if motion is not None and turn >= heated:
-            psd = motion.relearned(psd, moments)
-    return _track(p, samples, at, moments, psd, tuple(steps))
+        if stretches is not None and heated <= turn < heated + LEARNING:
+            psd = stretches.relearned(psd, moments)
+    ranges = model.rows(p, samples, at, of)
+    return _track(p, samples.epochs_ns, ranges, at, moments, psd, tuple(steps))
 
 
-def _farthest(move: Floats) -> float:
+def _farthest(move: Floats, of: RunModel) -> float:
     """Length of the longest change of a position [m]."""
-    return float(np.sqrt((move[:, list(POSITION)] ** 2).sum(axis=1).max()))
+    return float(np.sqrt((move[:, list(of.position)] ** 2).sum(axis=1).max()))
 
 
 class _Stride:
     """Length of the next step, as a share of the full one, from the change between two passes."""
 
-    def __init__(self) -> None:
+    def __init__(self, of: RunModel) -> None:
+        self._position = list(of.position)
         self._length, self._before = 1.0, np.zeros(0)
 
     def after(self, move: Floats) -> float:
-        now = move[:, list(POSITION)].ravel()
+        now = move[:, self._position].ravel()
         if len(self._before):
             change = self._before - now
-            square = max(float(change @ change), 1e-30)
-            self._length *= float(self._before @ change) / square
-            self._length = min(max(self._length, _SHORTEST), _LONGEST)
+            shrunk = float(self._before @ change)
+            # One that grows on its way is far from its end, not beyond it.
+            factor = shrunk / float(change @ change) if shrunk > 0 else 2.0
+            self._length = min(max(self._length * factor, _SHORTEST), _LONGEST)
         self._before = now
         return self._length
 
 
 def _track(
-    p: Any, samples: Samples, at: Floats, moments: Moments, psd: Floats, steps: tuple[float, ...]
+    p: Any, epochs_ns: Integers, rows: model.Rows, at: Floats, moments: Moments, psd: Floats,
+    steps: tuple[float, ...],
 ) -> Track:
     """The track with what it makes of the ranges."""
-    rows = model.rows(p, samples, at)
     node, H = rows.node[rows.is_range], rows.H[rows.is_range]
     residual, variance = rows.residual[rows.is_range], rows.variance[rows.is_range]
     punctual = late.share(p, residual, variance)
     own = np.einsum("mi,mij,mj->m", H, moments.covariance[node], H)
     spread = np.maximum(variance / punctual - own, _LEAST * variance / punctual)
     return Track(
-        samples.epochs_ns, at, moments.covariance, punctual, residual / np.sqrt(spread), psd, steps,
+        epochs_ns, at, moments.covariance, punctual, residual / np.sqrt(spread), psd, steps,
     )
 
 

@@ -164,6 +164,23 @@ def _settled(
     return scenario, Path(scenario).stem
 
 
+RangeOffsetOption = Annotated[
+    float,
+    typer.Option(
+        "--range-offset", metavar="METERS", show_default=False,
+        help="Standard deviation of an unknown offset of each beacon's ranges, for beacons on the "
+        "bottom or buoys.",
+    ),
+]
+RangeScaleOption = Annotated[
+    float,
+    typer.Option(
+        "--range-scale", metavar="SHARE", show_default=False,
+        help="Standard deviation of an unknown scale of all ranges, e.g. 0.01, for the same.",
+    ),
+]
+
+
 @app.command()
 def smooth(
     folder: Annotated[
@@ -184,6 +201,8 @@ def smooth(
             "--out", metavar="DIR", help="Folder for the results [default: RUN-smoothed]."
         ),
     ] = None,
+    range_offset: RangeOffsetOption = 0.0,
+    range_scale: RangeScaleOption = 0.0,
     force: ForceOption = False,
     as_json: JsonOption = False,
     verbose: VerboseOption = False,
@@ -192,7 +211,9 @@ def smooth(
     """Estimate the track of a finished run from everything that was received in it.
 
     This is the most probable track, forwards and backwards in time, with the model of the receiver
-    'coupled'. Tables and figures show it beside the receivers of the run.
+    'coupled', or of 'long_baseline' for beacons on the bottom and buoys. Tables and figures show it
+    beside the receivers of the run. A track that is not believable is not shown, and a remark says
+    so.
     """
     from ...results.figures.artist import forked_artist
 
@@ -202,7 +223,9 @@ def smooth(
 
         wanted, other = destination(out, beside(folder, "smoothed"), force)
         artifacts.check(wanted, other=other)
-        smoothed = smooth_run(folder, set_ or ())
+        smoothed = smooth_run(
+            folder, set_ or (), range_offset_std_m=range_offset, range_scale_std=range_scale
+        )
         written = smoothed.save(wanted, figures=not no_figures, other=other, artist=artist)
     report(smoothed, written, wanted, as_json, verbose)
 

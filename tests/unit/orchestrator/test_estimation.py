@@ -111,7 +111,7 @@ def test_a_folder_has_all_that_a_result_has(run: Result, folder: Path) -> None:
 
 def test_coupled_is_run_on_the_record_where_it_was_not_in_the_run(run: Result) -> None:
     p = parameters_of(run)
-    played = start.run_coupled(run.record, p, assumed(run.scenario, ()))
+    played = start.run_receiver(run.record, p, assumed(run.scenario, ()))
     for name, values in played.values.items():
         if name.startswith("coupled."):
             assert np.array_equal(values, run.record.values[name]), name
