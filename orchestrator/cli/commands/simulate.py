@@ -164,23 +164,6 @@ def _settled(
     return scenario, Path(scenario).stem
 
 
-RangeOffsetOption = Annotated[
-    float,
-    typer.Option(
-        "--range-offset", metavar="METERS", show_default=False,
-        help="Standard deviation of an unknown offset of each beacon's ranges, for beacons on the "
-        "bottom or buoys.",
-    ),
-]
-RangeScaleOption = Annotated[
-    float,
-    typer.Option(
-        "--range-scale", metavar="SHARE", show_default=False,
-        help="Standard deviation of an unknown scale of all ranges, e.g. 0.01, for the same.",
-    ),
-]
-
-
 @app.command()
 def smooth(
     folder: Annotated[
@@ -201,8 +184,18 @@ def smooth(
             "--out", metavar="DIR", help="Folder for the results [default: RUN-smoothed]."
         ),
     ] = None,
-    range_offset: RangeOffsetOption = 0.0,
-    range_scale: RangeScaleOption = 0.0,
+    range_offset: Annotated[
+        float, numeric(
+            "--range-offset", float, "M", "Standard deviation in m of an offset of each beacon's "
+            "ranges, for beacons on the bottom and buoys.", low=0.0,
+        ),
+    ] = 0.0,
+    range_scale: Annotated[
+        float, numeric(
+            "--range-scale", float, "SHARE", "Standard deviation of a scale of all ranges, e.g. "
+            "0.01, for the same.", low=0.0,
+        ),
+    ] = 0.0,
     force: ForceOption = False,
     as_json: JsonOption = False,
     verbose: VerboseOption = False,
