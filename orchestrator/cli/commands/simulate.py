@@ -184,16 +184,16 @@ def smooth(
             "--out", metavar="DIR", help="Folder for the results [default: RUN-smoothed]."
         ),
     ] = None,
-    range_offset: Annotated[
+    range_offset_std: Annotated[
         float, numeric(
-            "--range-offset", float, "M", "Standard deviation in m of an offset of each beacon's "
-            "ranges, for beacons on the bottom and buoys.", low=0.0,
+            "--range-offset-std", float, "M", "Standard deviation in m of an offset of each "
+            "beacon's ranges, for beacons on the bottom and buoys.", low=0.0,
         ),
     ] = 0.0,
-    range_scale: Annotated[
+    range_scale_std: Annotated[
         float, numeric(
-            "--range-scale", float, "SHARE", "Standard deviation of a scale of all ranges, e.g. "
-            "0.01, for the same.", low=0.0,
+            "--range-scale-std", float, "SHARE", "Standard deviation of a scale of all ranges, "
+            "e.g. 0.01, for the same.", low=0.0,
         ),
     ] = 0.0,
     force: ForceOption = False,
@@ -217,7 +217,8 @@ def smooth(
         wanted, other = destination(out, beside(folder, "smoothed"), force)
         artifacts.check(wanted, other=other)
         smoothed = smooth_run(
-            folder, set_ or (), range_offset_std_m=range_offset, range_scale_std=range_scale
+            folder, set_ or (), range_offset_std_m=range_offset_std,
+            range_scale_std=range_scale_std,
         )
         written = smoothed.save(wanted, figures=not no_figures, other=other, artist=artist)
     report(smoothed, written, wanted, as_json, verbose)

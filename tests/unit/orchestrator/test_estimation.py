@@ -291,6 +291,14 @@ def test_the_command_writes_beside_the_run(cli: Callable[..., object], folder: P
     assert [*json.loads(twice.stdout)["errors"]] == ["sequential", "coupled", "smoother", "raw"]
 
 
+def test_the_command_names_the_option_that_a_platform_has_not(
+    cli: Callable[..., object], folder: Path
+) -> None:
+    done = cli("smooth", folder, "--range-offset-std", "1", "--no-figures")
+    assert done.exit_code == 2
+    assert "error: --range-offset-std: must be 0 for beacons on one platform" in done.stderr
+
+
 def test_the_command_does_not_replace_another_result(
     cli: Callable[..., object], folder: Path, tmp_path: Path
 ) -> None:
