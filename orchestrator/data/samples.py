@@ -24,7 +24,8 @@ NEEDED = (
 _POSE = ("acoustics.ping_platform_position", "acoustics.ping_platform_attitude")
 _ALL = "acoustics.packet_beacon_position"
 _REPORTED = number_of(POSE_SOURCE, "reported_pose")
-_OWN = number_of(POSE_SOURCE, "own_beacon")
+OWN = number_of(POSE_SOURCE, "own_beacon")
+"""Number of the pose source that takes only the own beacon's position."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +161,7 @@ def _poses(
     """Which packets hold a pose, and the platform's position and attitude in them."""
     n = len(instant)
     there, position, attitude = np.zeros(n, bool), np.zeros((n, 3)), np.zeros((n, 3))
-    if source == _OWN:
+    if source == OWN:
         return there, position, attitude
     if source == _REPORTED and all(name in record.values for name in _POSE):
         said = [record.values[name].astype(np.float64)[instant, beacon] for name in _POSE]

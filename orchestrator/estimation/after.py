@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,9 +16,12 @@ from sblcosim.models import RECEIVERS
 from ..answer import Extended
 from ..artifacts import Other, plain
 from ..data import samples
+from ..data.estimates import Estimates, Floats
+from ..data.record import Record
 from ..data.samples import Samples
 from ..errors import ConfigurationError, ConfigurationWarning, instance, nearest, shortened
 from ..layout import fitted
+from ..results.motion import LEARNED
 from ..results.result import Result
 from ..scenario.arrangement import has_own_errors
 from ..scenario.overrides import Changes, pairs
@@ -25,7 +29,8 @@ from ..scenario.scenario import Scenario, load
 from ..scenario.sources import choice_of
 from ..scenario.wiring import applied
 from ..shown import Picture
-from . import model, outcome, smoother, start
+from ..words.lists import listed
+from . import belief, field, model, outcome, smoother, start
 from .folder import read_run
 from .smoother import PASSES, Track
 
@@ -39,7 +44,7 @@ if TYPE_CHECKING:
 
 SMOOTHER = "smoother"
 """Label of the smoother in tables and figures."""
-COUPLED = "coupled"
+COUPLED, LONG_BASELINE = "coupled", "long_baseline"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -52,12 +57,21 @@ class Smoothed(Extended):
         The run, with ``smoother`` next to its receivers in all tables and figures.
     track
         All states at all epochs, and the convergence of the passes.
+    doubts
+        What speaks against the track, as parts of a sentence (`sblcosim.estimation.belief`). If
+        anything does, the estimates of ``smoother`` are those of the filter that it began with.
     """
 
     document = "smooth"
 
     result: Result
     track: Track
+    doubts: tuple[str, ...] = ()
+
+    @property
+    def believable(self) -> bool:
+        """Whether nothing speaks against the track."""
+        return not self.doubts
 
     @property
     def estimates(self) -> pd.DataFrame:
@@ -110,8 +124,11 @@ class Smoothed(Extended):
         )
 
     def to_json(self) -> dict[str, Any]:
-        """As `Result.to_json`, plus ``steps_m`` and ``converged``."""
-        own = {"steps_m": list(self.track.steps_m), "converged": self.track.converged}
+        """As `Result.to_json`, plus ``steps_m``, ``converged``, ``believable`` and ``doubts``."""
+        own = {
+            "steps_m": list(self.track.steps_m), "converged": self.track.converged,
+            "believable": self.believable, "doubts": list(self.doubts),
+        }
         return {**self.result.to_json(), **plain(own)}
 
     def text(self, *, verbose: bool = False, width: int | None = None) -> str:
@@ -129,19 +146,22 @@ class Smoothed(Extended):
         steps = self.track.steps_m
         passes = f"{len(steps)} pass{'' if len(steps) == 1 else 'es'}"
         moved = f"the last pass moved no position by more than {steps[-1]:.2g} m"
-        how = "" if self.track.converged else "; it has not converged"
+        how = "" if self.believable else f"; not believable, as {listed(self.doubts)}"
         return f"{SMOOTHER}: {passes}, {moved}{how}"
 
 
 @interruptible
 def smooth(
-    run: Result | str | Path, overrides: Changes = (), *, passes: int = PASSES
+    run: Result | str | Path, overrides: Changes = (), *, passes: int = PASSES,
+    range_offset_std_m: float = 0.0, range_scale_std: float = 0.0,
 ) -> Smoothed:
     """Estimate the track of a finished run from everything received in it.
 
     The smoother (`sblcosim.estimation.smoother`) uses the model and the parameters of the receiver
-    `coupled`. It starts from the estimates of `coupled`. If that was not in the run, it is run on
-    the received data.
+    `coupled`, or of `long_baseline` if each beacon has its own errors, as fixed beacons and buoys
+    have. It starts from the estimates of that receiver. If it was not in the run, it is run on the
+    received data. If the track is not believable (`sblcosim.estimation.belief`), the estimates of
+    the receiver are given in its place, and a remark says so.
 
     Parameters
     ----------
@@ -149,9 +169,13 @@ def smooth(
         A result, or its folder.
     overrides
         Keys of ``[receiver]`` to change, for example ``{"receiver.acceleration_psd_m2_s3":
-        0.003}``. With ``"learned"``, the smoother takes the median of what `coupled` learned.
+        0.003}``. With ``"learned"``, the smoother learns q of the diver's motion for each stretch,
+        beginning with the median of what the receiver learned.
     passes
         Maximum number of Gauss-Newton passes.
+    range_offset_std_m, range_scale_std
+        Standard deviations of a constant offset of each beacon's ranges [m], and of a scale that
+        all ranges share; only for beacons with their own errors. They are estimated.
 
     Raises
     ------
@@ -159,7 +183,7 @@ def smooth(
         There is no such run, it has no samples or too few, or a key does not belong to the
         receiver.
     FmuError
-        `coupled` cannot be built.
+        The receiver cannot be built.
 
     Examples
     --------
@@ -171,16 +195,129 @@ def smooth(
         raise ConfigurationError(
             f"passes: must be a whole number of at least 1, got {shortened(repr(passes))}"
         )
-    result, p, received, scenario = prepared(run, overrides)
-    record = result.record
-    label = start.ran(record)
+    unknown = {"range_offset_std_m": range_offset_std_m, "range_scale_std": range_scale_std}
+    dive = _dive(run, overrides, unknown)
+    record, label = dive.result.record, start.ran(dive.result.record, dive.receiver)
     if label is None:
-        record, label = start.run_coupled(record, p, scenario), COUPLED
-    p = model.settled(p, label, record)
-    track = smoother.smooth(p, received, start.trajectory(record, label, p, received), passes)
-    estimates = outcome.of_states(p, received, track.mean, track.covariance)
-    origin = outcome.origin_of(p, SMOOTHER, looks_back=True, steps_m=track.steps_m)
-    return Smoothed(outcome.beside(result, SMOOTHER, estimates, origin), track)
+        record, label = start.run_receiver(record, dive.p, dive.scenario), dive.receiver
+    settled = model.settled(dive.p, label, record)
+    track = smoother.smooth(
+        settled, dive.samples, dive.trajectory(record, label), passes,
+        learns=settled is not dive.p, of=dive.model,
+    )
+    return _smoothed(dive, track, record.estimates(label), label)
+
+
+def _smoothed(dive: Dive, track: Track, filtered: Estimates, label: str) -> Smoothed:
+    """The run including the track, or the estimates of the filter if it is not believable."""
+    doubts = belief.doubts(dive.p, dive.samples, track, filtered)
+    learned = {} if dive.p.acceleration_psd >= 0 else {
+        LEARNED: {"median": float(np.median(track.psd)), "last": float(track.psd[-1])}
+    }
+    origin = outcome.origin_of(
+        dive.p, SMOOTHER, dive.model, looks_back=True, steps_m=track.steps_m, doubts=doubts,
+        **learned,
+    )
+    estimates = _without_times(filtered) if doubts else dive.estimates(track)
+    remarks = [_refusal(doubts, label)] if doubts else []
+    beside = outcome.beside(dive.result, SMOOTHER, estimates, origin, remarks)
+    return Smoothed(beside, track, doubts)
+
+
+def _without_times(estimates: Estimates) -> Estimates:
+    """Estimates of a receiver as if made after the run."""
+    return replace(estimates, available_ns=None, until_ns=None, update_count=None)
+
+
+def _refusal(doubts: Sequence[str], label: str) -> str:
+    return (
+        f"{SMOOTHER}: its track is not believable, as {listed(doubts)}; its estimates are those of "
+        f"{label!r}"
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Dive:
+    """A run with the inputs of an estimator after it.
+
+    Attributes
+    ----------
+    result
+        The run.
+    p
+        Parameters of the receiver; q may be left to be learned (`model.settled`).
+    samples
+        What was received.
+    scenario
+        That of the run, with this receiver.
+    """
+
+    result: Result
+    p: Any
+    samples: Samples
+    scenario: Scenario
+
+    @property
+    def in_field(self) -> bool:
+        """Whether each beacon has its own errors."""
+        return self.receiver == LONG_BASELINE
+
+    @property
+    def receiver(self) -> str:
+        """Name of the receiver."""
+        return str(self.scenario.receiver.type)
+
+    @property
+    def model(self) -> model.RunModel:
+        """The model of the receiver."""
+        return field.IN_FIELD if self.in_field else model.ON_PLATFORM
+
+    def trajectory(self, record: Record, label: str) -> Floats:
+        """States at the epochs of the samples, from the receiver's estimates; (n, d)."""
+        of = field.trajectory if self.in_field else start.trajectory
+        return of(record, label, self.p, self.samples)
+
+    def estimates(self, track: Track) -> Estimates:
+        """Estimates of a track."""
+        of = field.of_states if self.in_field else outcome.of_states
+        return of(self.p, self.samples, track.mean, track.covariance)
+
+
+def _dive(run: Result | str | Path, overrides: Changes, unknown: Mapping[str, float]) -> Dive:
+    """A run for the smoother, with the model that its beacons need."""
+    result, described = _read(run)
+    in_field = has_own_errors(described.platform)
+    for name, value in unknown.items():
+        if not 0 <= value < np.inf:
+            raise ConfigurationError(f"{name}: must be at least 0, got {shortened(repr(value))}")
+        if value and not in_field:
+            raise ConfigurationError(
+                f"{name}: must be 0 for beacons on one platform, got {value!r}; it is for beacons "
+                "with errors of their own, as on the bottom or below buoys"
+            )
+    if not in_field:
+        return Dive(*prepared(result, overrides))
+    scenario = assumed(described, overrides, LONG_BASELINE)
+    known = model.parameters(scenario, _begin(result), field.IN_FIELD.component)
+    p = field.with_unknowns(known, *unknown.values())
+    body = np.zeros((scenario.beacons, 3))
+    return Dive(result, p, samples.of_record(result.record, body, samples.OWN), scenario)
+
+
+def _read(run: Result | str | Path) -> tuple[Result, Scenario]:
+    """A run of a scenario, from its folder if need be."""
+    if isinstance(run, str | Path):
+        run = read_run(run)
+    if not isinstance(run, Result) or not isinstance(run.scenario, Scenario):
+        raise ConfigurationError(
+            f"run: must be the result of a run, or its folder, got {shortened(instance(run))}"
+        )
+    return run, run.scenario
+
+
+def _begin(run: Result) -> Floats:
+    """True position at the start, NED [m]."""
+    return np.asarray(run.record.values["target.position"][0], float)
 
 
 def prepared(
@@ -188,36 +325,31 @@ def prepared(
 ) -> tuple[Result, Any, Samples, Scenario]:
     """A run with the inputs of an estimator after it: parameters, samples, and their scenario.
 
-    The parameters may leave q to be learned; see `sblcosim.estimation.model.settled`.
+    The model is that of `coupled`. The parameters may leave q to be learned; see
+    `sblcosim.estimation.model.settled`.
     """
-    if isinstance(run, str | Path):
-        run = read_run(run)
-    if not isinstance(run, Result) or not isinstance(run.scenario, Scenario):
-        raise ConfigurationError(
-            f"run: must be the result of a run, or its folder, got {shortened(instance(run))}"
-        )
-    scenario = assumed(run.scenario, overrides)
+    result, described = _read(run)
+    scenario = assumed(described, overrides)
     if has_own_errors(scenario.platform):
         warnings.warn(
-            f"{scenario.name}: the smoother uses the model of {COUPLED!r}, in which beacons share "
-            "their "
-            "errors, but here each beacon has its own", ConfigurationWarning, stacklevel=3
+            f"{scenario.name}: the estimator uses the model of {COUPLED!r}, in which beacons share "
+            "their errors, but here each beacon has its own", ConfigurationWarning, stacklevel=3
         )
-    record = run.record
-    p = model.parameters(scenario, np.asarray(record.values["target.position"][0], float))
-    return run, p, samples.of_record(record, p.beacon_offset, int(p.pose_source)), scenario
+    record = result.record
+    p = model.parameters(scenario, _begin(result))
+    return result, p, samples.of_record(record, p.beacon_offset, int(p.pose_source)), scenario
 
 
-def assumed(scenario: Scenario, overrides: Changes) -> Scenario:
-    """The scenario of a run with `coupled` as its receiver, and other values for its keys."""
+def assumed(scenario: Scenario, overrides: Changes, receiver: str = COUPLED) -> Scenario:
+    """The scenario of a run with another receiver, and other values for its keys."""
     batch = list(pairs(overrides))
-    known = {"prior", *(v.key for v in RECEIVERS[COUPLED].of("parameter"))}
+    known = {"prior", *(v.key for v in RECEIVERS[receiver].of("parameter"))}
     for path, _ in batch:
         if path[0] != "receiver" or len(path) != 2 or path[1] not in known:
             name = ".".join(path)
             raise ConfigurationError(
-                f"override {shortened(name)}: must be a key of the receiver {COUPLED!r}, as the "
+                f"override {shortened(name)}: must be a key of the receiver {receiver!r}, as the "
                 f"run is finished{nearest(name, [f'receiver.{key}' for key in known])}"
             )
     keys = {".".join(path): value for path, value in batch}
-    return load(applied(scenario, choice_of(scenario, COUPLED)), keys.items())
+    return load(applied(scenario, choice_of(scenario, receiver)), keys.items())

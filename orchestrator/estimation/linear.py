@@ -7,7 +7,6 @@ next to those of a centimetre, do no harm.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,9 +14,6 @@ from numpy.typing import NDArray
 from sblcosim.fmus import stopping
 
 Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
-Share = Callable[[float, float], float]
-"""Weight of a measurement, 0 to 1, from its innovation [m] and the variance of that [m²]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,23 +47,25 @@ class Problem:
 
 @dataclass(frozen=True, eq=False)
 class Moments:
-    """Means and covariances at the epochs; shape (n, d), (n, d, d)."""
+    """Means and covariances at the epochs, and what later measurements say against the prediction.
+
+    Attributes
+    ----------
+    mean, covariance
+        Shape (n, d), (n, d, d).
+    lean, weight
+        λ and Λ before the measurements of each epoch: the noise of the step to it has the mean −Q λ
+        and the covariance Q − Q Λ Q; shape (n, d), (n, d, d).
+    """
 
     mean: Floats
     covariance: Floats
+    lean: Floats
+    weight: Floats
 
 
-def smooth(problem: Problem, share: Share | None = None, doubtful: Flags | None = None) -> Moments:
-    """Mean and covariance of all states, given all measurements.
-
-    Parameters
-    ----------
-    share
-        Weight of a doubtful measurement, from its innovation when it is used. Its variance is
-        divided by the weight. None: 1.
-    doubtful
-        Flags of the measurements that `share` is called for; shape (m,).
-    """
+def smooth(problem: Problem) -> Moments:
+    """Mean and covariance of all states, given all measurements."""
     n, d = len(problem.which), len(problem.mean)
     x, P = problem.mean, problem.covariance
     means, covariances = np.empty((n, d)), np.empty((n, d, d))
@@ -83,35 +81,39 @@ def smooth(problem: Problem, share: Share | None = None, doubtful: Flags | None 
             h = problem.H[i]
             c = P @ h
             own, nu = h @ c, problem.z[i] - h @ x
-            if share is not None and doubtful is not None and doubtful[i]:
-                S[i] /= share(nu, own + S[i])
             S[i] += own
             innovation[i], gains[i] = nu, c / S[i]
             x = x + gains[i] * nu
             P = P - np.outer(c, c) / S[i]
         means[k], covariances[k] = x, P
-    lean, weight = _backwards(problem, gains, innovation, S)
+    (lean, before_lean), (weight, before_weight) = _backwards(problem, gains, innovation, S)
     mean = means - np.einsum("kij,kj->ki", covariances, lean)
     covariance = covariances - covariances @ weight @ covariances
-    return Moments(mean, (covariance + covariance.transpose(0, 2, 1)) / 2)
+    return Moments(
+        mean, (covariance + covariance.transpose(0, 2, 1)) / 2, before_lean, before_weight
+    )
 
 
 def _backwards(
     problem: Problem, gains: Floats, innovation: Floats, S: Floats
 ) -> tuple[Floats, Floats]:
-    """λ and Λ after the measurements of each epoch: the information from later ones."""
+    """λ and Λ, each after and before the measurements of each epoch; (2, n, d), (2, n, d, d).
+
+    They are the information from later measurements, those of the epoch included in the second.
+    """
     n, d = len(problem.which), len(problem.mean)
-    leans, weights = np.empty((n, d)), np.empty((n, d, d))
+    leans, weights = np.empty((2, n, d)), np.empty((2, n, d, d))
     lean, weight = np.zeros(d), np.zeros((d, d))
     for k in range(n - 1, -1, -1):
         stopping.check()
-        leans[k], weights[k] = lean, weight
+        leans[0, k], weights[0, k] = lean, weight
         for i in range(problem.first[k + 1] - 1, problem.first[k] - 1, -1):
             h, K = problem.H[i], gains[i]
             lean = lean - h * (K @ lean + innovation[i] / S[i])
             # One side after the other: together, a first packet leaves little but rounding errors.
             weight = weight - np.outer(weight @ K, h)
             weight = weight + np.outer(h, h / S[i] - K @ weight)
+        leans[1, k], weights[1, k] = lean, weight
         phi = problem.phi[problem.which[k]]
         lean, weight = phi.T @ lean, phi.T @ weight @ phi
         weight = (weight + weight.T) / 2

@@ -1,8 +1,11 @@
-"""The model of `coupled` over a whole run: its parameters, and its measurements at a trajectory."""
+"""The models of a whole run: their parameters, and their measurements at a trajectory.
+
+`ON_PLATFORM` is the model of `coupled`. That of `long_baseline` is `sblcosim.estimation.field`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from math import pi
 from types import SimpleNamespace
@@ -10,7 +13,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from sblcosim.models.declaration import number_of
+from sblcosim.models.declaration import Component, number_of
 from sblcosim.models.receiver import surroundings, waves
 from sblcosim.models.receiver.bound import ANYWHERE, FAR_STD
 from sblcosim.models.receiver.receivers.coupled import COMPONENT as COUPLED
@@ -19,6 +22,7 @@ from sblcosim.models.receiver.surroundings import (
     PLATFORM,
     POSITION,
     VELOCITY,
+    Elements,
     Measurement,
     Pose,
 )
@@ -34,6 +38,8 @@ from ..scenario.scenario import Scenario
 from .linear import Floats, Problem
 
 Indices = NDArray[np.intp]
+Part = tuple[Indices, Indices, Floats, Floats, Floats]
+"""Measurements of one kind: node, order of use, row, residual and variance."""
 PRIOR = number_of(INITIALISATION, "prior")
 _PSD = "acceleration_psd"
 
@@ -49,25 +55,23 @@ def psd_of(receiver: str | None, record: Record) -> float:
 
 def settled(p: Any, receiver: str | None, record: Record) -> Any:
     """The parameters with a number for q: if it is to be learned, that of `psd_of`."""
-    if p.acceleration_psd >= 0:
-        return p
-    return SimpleNamespace(**vars(p) | {_PSD: psd_of(receiver, record)})
+    return p if p.acceleration_psd >= 0 else _moving(p, psd_of(receiver, record))
 
 
-def parameters(scenario: Scenario, start: Floats) -> Any:
-    """The parameters of `coupled` in a scenario, as attributes, in SI units and in their shapes.
+def parameters(scenario: Scenario, start: Floats, component: Component = COUPLED) -> Any:
+    """The parameters of a receiver in a scenario, as attributes, in SI units and in their shapes.
 
     Its FMU takes them as they are; `settled` makes those of a model.
 
     Parameters
     ----------
     scenario
-        A scenario whose receiver is `coupled`.
+        A scenario with that receiver.
     start
         True position at the start, NED [m]: the prior, if the scenario asks for the true one.
     """
-    values: dict[str, Any] = {}
-    for v in COUPLED.of("parameter"):
+    values: dict[str, Any] = {"beacons": scenario.beacons}
+    for v in component.of("parameter"):
         value = np.asarray(in_si(v, getattr(scenario.receiver, v.key)), dtype=float)
         shape = (-1, *v.shape[1:])  # one row per beacon
         values[v.name] = value.reshape(shape) if v.shape else value.item()
@@ -85,7 +89,7 @@ class Rows:
     node
         Index of the epoch; shape (m,).
     H, residual, variance
-        Row, measured minus predicted, and variance of the white noise; shape (m, 22), (m,), (m,).
+        Row, measured minus predicted, and variance of the white noise; shape (m, d), (m,), (m,).
     is_range
         Whether it is a range, which may be late; shape (m,).
     """
@@ -95,6 +99,14 @@ class Rows:
     residual: Floats
     variance: Floats
     is_range: NDArray[np.bool_]
+
+
+def first_ns(p: Any, samples: Samples) -> int:
+    """Epoch of the first estimate [ns]; with a prior the first epoch, as for `coupled`."""
+    enough = samples.enough_ns()
+    if p.initialisation == PRIOR or enough is None:
+        return int(samples.epochs_ns[0])
+    return enough
 
 
 def pose_of(p: Any, samples: Samples) -> Pose:
@@ -114,60 +126,93 @@ def pose_of(p: Any, samples: Samples) -> Pose:
     )
 
 
-def rows(p: Any, samples: Samples, trajectory: Floats) -> Rows:
+@dataclass(frozen=True, eq=False)
+class RunModel:
+    """The functions of a model.
+
+    Attributes
+    ----------
+    component
+        Declaration of the receiver whose model it is.
+    states
+        ``states(p)``: their number d.
+    position, velocity
+        Indices of the diver's states, NED.
+    parts
+        ``parts(p, samples, trajectory)``: the measurements at a trajectory.
+    prior
+        ``prior(p, begin)``: mean and standard deviations at the start, shape (d,). ``begin`` is the
+        state at the beginning of the first trajectory, about which states without a prior start.
+    transition
+        ``transition(p, dt)``: Φ without its ones, and the upper triangle of Q, over dt [s].
+    """
+
+    component: Component
+    states: Callable[[Any], int]
+    position: tuple[int, ...]
+    velocity: tuple[int, ...]
+    parts: Callable[[Any, Samples, Floats], Iterator[Part]]
+    prior: Callable[[Any, Floats], tuple[Floats, Floats]]
+    transition: Callable[[Any, float], tuple[Elements, ...]]
+
+
+def rows(p: Any, samples: Samples, trajectory: Floats, of: RunModel | None = None) -> Rows:
     """The measurements at a trajectory.
 
     Parameters
     ----------
     trajectory
-        States at the epochs of the samples; shape (n, 22).
+        States at the epochs of the samples; shape (n, d).
     """
-    parts = [*_parts(p, samples, trajectory)]
+    parts = [*(of or ON_PLATFORM).parts(p, samples, trajectory)]
     node, kind = (np.concatenate([part[i] for part in parts]) for i in (0, 1))
     order = np.lexsort((kind, node))
     H, residual, variance = (np.concatenate([part[i] for part in parts])[order] for i in (2, 3, 4))
-    return Rows(node[order], H, residual, variance, kind[order] == _RANGE)
+    return Rows(node[order], H, residual, variance, kind[order] == RANGE)
 
 
-_RANGE = 5
-_Part = tuple[Indices, Indices, Floats, Floats, Floats]
+RANGE = 5
+"""Order of use of ranges: after all others of their epoch."""
 
 
-def _parts(p: Any, samples: Samples, trajectory: Floats) -> Iterator[_Part]:
-    """Node, order of use, row, residual and variance of each kind of measurement."""
+def part(
+    kind: int, node: Indices, row: Measurement, z: Floats, states: int, *, wrapped: bool = False
+) -> Part:
+    """Measurements z of one kind, from their formulas."""
+    H = np.zeros((len(node), states))
+    for i, value in row.row.items():
+        H[:, i] = value
+    residual = z - row.value
+    if wrapped:
+        residual = residual - 2 * pi * np.floor((residual + pi) / (2 * pi))
+    return node, np.full(len(node), kind), H, residual, row.variance + 0 * residual
+
+
+def _parts(p: Any, samples: Samples, trajectory: Floats) -> Iterator[Part]:
     epochs = samples.epochs_ns
-
-    def part(kind: int, node: Indices, row: Measurement, z: Floats, wrapped: bool = False) -> _Part:
-        H = np.zeros((len(node), STATES))
-        for i, value in row.row.items():
-            H[:, i] = value
-        residual = z - row.value
-        if wrapped:
-            residual = residual - 2 * pi * np.floor((residual + pi) / (2 * pi))
-        return node, np.full(len(node), kind), H, residual, row.variance + 0 * residual
-
     node = np.searchsorted(epochs, samples.depth_ns)
-    yield part(0, node, surroundings.depth(p, [*trajectory[node].T]), samples.depth)
+    yield part(0, node, surroundings.depth(p, [*trajectory[node].T]), samples.depth, STATES)
 
     node = np.searchsorted(epochs, samples.range_ns)
     x, arm = [*trajectory[node].T], [*p.beacon_offset[samples.beacon].T]
     fresh, pose = samples.has_own_pose, pose_of(p, samples)
     place, body = [v[fresh] for v in x], [v[fresh] for v in arm]
     own = pose.own[fresh]
-    yield part(4, node[fresh], waves.down(np, p, place, own, body), pose.down[fresh])
+    row = waves.down(np, p, place, own, body)
+    yield part(4, node[fresh], row, pose.down[fresh], STATES)
     point = [own * v for v in body]
     for i, row in enumerate(waves.places(np, p, place, point)):
-        yield part(1 + i, node[fresh], row, samples.position[fresh, i])
+        yield part(1 + i, node[fresh], row, samples.position[fresh, i], STATES)
     said = samples.has_pose & fresh
     if said.any():
         row = surroundings.heading(np, p, [v[said] for v in x])
-        yield part(3, node[said], row, samples.attitude[said, 2], wrapped=True)
+        yield part(3, node[said], row, samples.attitude[said, 2], STATES, wrapped=True)
     row = waves.range_(np, p, x, pose, arm)
-    yield part(_RANGE, node, row, samples.range)
+    yield part(RANGE, node, row, samples.range, STATES)
 
 
 def prior(p: Any, begin: Floats) -> tuple[Floats, Floats]:
-    """Mean and standard deviations at the start, shape (22,).
+    """Mean and standard deviations at the start, shape (d,).
 
     Parameters
     ----------
@@ -188,10 +233,11 @@ def prior(p: Any, begin: Floats) -> tuple[Floats, Floats]:
     return mean, std
 
 
-def transition(p: Any, dt: float) -> tuple[Floats, Floats]:
-    """Φ and Q over dt [s]; (22, 22) each."""
-    phi, noise = waves.transition(np, p, dt)
-    Phi, Q = np.eye(STATES), np.zeros((STATES, STATES))
+def transition(p: Any, dt: float, of: RunModel | None = None) -> tuple[Floats, Floats]:
+    """Φ and Q over dt [s]; (d, d) each."""
+    of = of or ON_PLATFORM
+    phi, noise = of.transition(p, dt)
+    Phi, Q = np.eye(of.states(p)), np.zeros((of.states(p),) * 2)
     for (i, j), value in phi.items():
         Phi[i, j] = value
     for (i, j), value in noise.items():
@@ -199,22 +245,49 @@ def transition(p: Any, dt: float) -> tuple[Floats, Floats]:
     return Phi, Q
 
 
-def transitions(p: Any, start_ns: int, epochs_ns: Integers) -> tuple[Floats, Floats, Indices]:
-    """Φ and Q of all distinct steps, and the index of the one before each epoch."""
-    steps, which = np.unique(np.diff(epochs_ns, prepend=start_ns), return_inverse=True)
-    phi, noise = np.zeros((2, len(steps), STATES, STATES))
-    for k, step in enumerate(steps):
-        phi[k], noise[k] = transition(p, float(step) / 1e9)
-    return phi, noise, which
+def transitions(
+    p: Any, start_ns: int, epochs_ns: Integers, psd: Floats | None = None,
+    of: RunModel | None = None,
+) -> tuple[Floats, Floats, Indices]:
+    """Φ and Q of all distinct steps, and the index of the one before each epoch.
+
+    Parameters
+    ----------
+    psd
+        q of the diver's motion in the step to each epoch [m²/s³]; None: that of the parameters.
+    """
+    own = np.full(len(epochs_ns), float(p.acceleration_psd)) if psd is None else psd
+    steps, step = np.unique(np.diff(epochs_ns, prepend=start_ns), return_inverse=True)
+    pairs, which = np.unique(np.column_stack([step, own]), axis=0, return_inverse=True)
+    # Q is that of an unmoved diver, and q times that of a density of 1.
+    seconds = [float(step) / 1e9 for step in steps]
+    both = [transition(_moving(p, 0.0), dt, of) for dt in seconds]
+    phi, still = np.array([Phi for Phi, _ in both]), np.array([Q for _, Q in both])
+    restless = np.array([transition(_moving(p, 1.0), dt, of)[1] for dt in seconds]) - still
+    width, q = pairs[:, 0].astype(np.intp), pairs[:, 1]
+    return phi[width], still[width] + q[:, None, None] * restless[width], which.ravel()
 
 
-def problem(p: Any, samples: Samples, begin: Floats) -> Problem:
-    """The linear problem without its measurements: prior and motion."""
-    mean, std = prior(p, begin)
+def _moving(p: Any, psd: float) -> Any:
+    return SimpleNamespace(**vars(p) | {_PSD: psd})
+
+
+def problem(
+    p: Any, samples: Samples, begin: Floats, psd: Floats | None = None, of: RunModel | None = None
+) -> Problem:
+    """The linear problem without its measurements: prior and motion; see `transitions`."""
+    mean, std = (of or ON_PLATFORM).prior(p, begin)
     epochs = samples.epochs_ns
-    phi, noise, which = transitions(p, samples.start_ns, epochs)
+    phi, noise, which = transitions(p, samples.start_ns, epochs, psd, of)
     nothing = np.zeros(0)
     return Problem(
         mean, np.diag(std**2), phi, noise, which, np.zeros(len(epochs) + 1, np.intp),
-        np.zeros((0, STATES)), nothing, nothing,
+        np.zeros((0, len(mean))), nothing, nothing,
     )
+
+
+ON_PLATFORM = RunModel(
+    COUPLED, lambda p: STATES, POSITION, VELOCITY, _parts, prior,
+    lambda p, dt: waves.transition(np, p, dt),
+)
+"""The diver, the platform, and the errors of their sensors: `surroundings` and `waves`."""

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from sblcosim.models.receiver.receivers.coupled import COMPONENT as COUPLED
 from sblcosim.models.receiver.surroundings import (
     CLOCK,
     NEAREST,
@@ -39,7 +38,7 @@ def of_states(
     Parameters
     ----------
     mean, covariance
-        Shape (n, 22), (n, 22, 22).
+        Shape (n, d), (n, d, d) with d states.
     """
     epochs = samples.epochs_ns
     D = np.zeros((3, mean.shape[1]))  # x − p
@@ -64,7 +63,7 @@ def of_states(
         platform_position=mean[:, [*PLATFORM, HEAVE]],
         clock_offset=mean[:, CLOCK] / c,
         sound_speed=c / (1 + mean[:, SPEED]),
-    ).chosen(epochs >= first_ns(p, samples))
+    ).chosen(epochs >= model.first_ns(p, samples))
 
 
 def bent_by(y: Floats, P: Floats) -> Floats:
@@ -86,16 +85,9 @@ def bent_by(y: Floats, P: Floats) -> Floats:
     )
 
 
-def first_ns(p: Any, samples: Samples) -> int:
-    """Epoch of the first estimate [ns]; with a prior the first epoch, as for `coupled`."""
-    enough = samples.enough_ns()
-    if p.initialisation == model.PRIOR or enough is None:
-        return int(samples.epochs_ns[0])
-    return enough
-
-
 def beside(
-    result: Result, label: str, estimates: Estimates, origin: Mapping[str, Any]
+    result: Result, label: str, estimates: Estimates, origin: Mapping[str, Any],
+    remarks: Sequence[str] = (),
 ) -> Result:
     """The result with another receiver, whose estimates were made after the run.
 
@@ -105,6 +97,8 @@ def beside(
         Its name in tables and figures. Existing estimates with that name are replaced.
     origin
         Its origin for the manifest.
+    remarks
+        Remarks on it. They begin with its name, and replace those of estimates with that name.
     """
     before = [name for name in result.description.receivers if name not in (label, RAW)]
     last = [name for name in result.description.receivers if name == RAW]
@@ -112,6 +106,9 @@ def beside(
         result.description,
         receivers=[*before, label, *last],
         origins={**result.origins, label: dict(origin)},
+        remarks=[
+            *(it for it in result.description.remarks if not it.startswith(f"{label}: ")), *remarks
+        ],
     )
     return Result(
         description, result.record, result.update_interval_ns, result.failures,
@@ -119,7 +116,9 @@ def beside(
     )
 
 
-def origin_of(p: Any, kind: str, **facts: Any) -> dict[str, Any]:
+def origin_of(
+    p: Any, kind: str, of: model.RunModel = model.ON_PLATFORM, **facts: Any
+) -> dict[str, Any]:
     """Origin of an estimator for the manifest: its kind, its parameters, and further facts."""
-    values = {v.name: getattr(p, v.name) for v in COUPLED.of("parameter")}
+    values = {v.name: getattr(p, v.name) for v in of.component.of("parameter")}
     return {"type": kind, **facts, "parameters": values}

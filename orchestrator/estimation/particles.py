@@ -173,7 +173,7 @@ def filtered(p: Any, samples: Samples, particles: int, seed: int) -> Estimates:
     poses = _poses(p, samples)
     cloud = begun(p, particles)
     then, located, heave = samples.start_ns, p.initialisation == model.PRIOR, waves.no_heave(p)
-    first, fresh = outcome.first_ns(p, samples), samples.has_own_pose
+    first, fresh = model.first_ns(p, samples), samples.has_own_pose
     rows: list[tuple[Any, ...]] = []
     for epoch in samples.epochs_ns.tolist():
         stopping.check()

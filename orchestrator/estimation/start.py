@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 from sblcosim.fmus.host.nanoseconds import nanoseconds
+from sblcosim.models import RECEIVERS
 from sblcosim.models.ports import DEPTH, PING_POSE, RECEPTION, SYSTEM
-from sblcosim.models.receiver.receivers.coupled import COMPONENT as COUPLED
 from sblcosim.models.receiver.surroundings import (
     CLOCK,
     HEADING,
@@ -19,6 +19,7 @@ from sblcosim.models.receiver.surroundings import (
 )
 from sblcosim.models.receiver.waves import HEAVE, STATES
 
+from ..data.estimates import Estimates, Integers
 from ..data.record import Record
 from ..data.samples import Samples
 from ..errors import ConfigurationError
@@ -34,53 +35,59 @@ _WINDOW = 20
 """Number of packets that together give a heading, if each holds only its own beacon's position."""
 
 
-def ran(record: Record) -> str | None:
-    """Label of a component of the record with all outputs of `coupled`, or None."""
-    for label in {name.partition(".")[0]: None for name in record.values}:
-        ports = {f"{label}.{v.name}" for v in SYSTEM} | {f"{label}.velocity"}
-        if ports <= record.values.keys() and record.valid(label).any():
+def ran(record: Record, receiver: str = "coupled") -> str | None:
+    """Label of a component of the record with all outputs of a receiver, or None."""
+    outputs = {v.name for v in RECEIVERS[receiver].of("output")}
+    known = {name.partition(".")[0]: None for name in record.values}
+    for label in sorted(known, key=lambda it: it != receiver):
+        of_system = {v.name for v in SYSTEM if f"{label}.{v.name}" in record.values}
+        same = of_system == outputs & {v.name for v in SYSTEM}
+        if same and f"{label}.velocity" in record.values and record.valid(label).any():
             return label
     return None
 
 
-def run_coupled(record: Record, p: Any, scenario: Scenario) -> Record:
-    """Run `coupled` on the samples of a record; returns its estimates as a new record."""
+def run_receiver(record: Record, p: Any, scenario: Scenario) -> Record:
+    """Run the receiver of a scenario on the samples of a record; its estimates as a new record."""
     from sblcosim.fmus.build.factory import build
 
+    receiver = scenario.receiver.type
+    component = RECEIVERS[receiver]
+    inputs = {v.name for v in component.of("input")}
     played = {
         v: record.values[name]
         for owner, variables in (("acoustics", (*RECEPTION, *PING_POSE)), ("target", DEPTH))
         for v in variables
-        if (name := f"{owner}.{v.name}") in record.values
+        if v.name in inputs and (name := f"{owner}.{v.name}") in record.values
     }
     columns = {v.name: values for v, values in played.items()}
     interval_ns = nanoseconds(scenario.receiver.update_interval_s)
-    values = {v.name: getattr(p, v.name) for v in COUPLED.of("parameter")}
+    values = {v.name: getattr(p, v.name) for v in component.of("parameter")}
     system = System(
         {
             "record": ComponentSpec(
                 lambda: Player(played, record.time_ns, columns), interval_ns
             ),
-            "coupled": ComponentSpec(
-                build("coupled", scenario.fmi, beacons=scenario.beacons),
+            receiver: ComponentSpec(
+                build(receiver, scenario.fmi, beacons=scenario.beacons),
                 interval_ns,
                 {
                     name: tuple(value.flat) if isinstance(value, np.ndarray)
-                    else bool(value) if COUPLED[name].type == "Boolean"
-                    else int(value) if COUPLED[name].type == "Int32" else value
+                    else bool(value) if component[name].type == "Boolean"
+                    else int(value) if component[name].type == "Int32" else value
                     for name, value in values.items()
                 },
             ),
         },
-        tuple(Connection(f"record.{name}", f"coupled.{name}") for name in columns),
+        tuple(Connection(f"record.{name}", f"{receiver}.{name}") for name in columns),
         stop_ns=int(record.time_ns[-1]),
         start_ns=int(record.time_ns[0]),
     )
     return execute(resolve(system))
 
 
-def trajectory(record: Record, label: str, p: Any, samples: Samples) -> Floats:
-    """States at the epochs of the samples, from the estimates of `coupled`; shape (n, 22).
+def given(record: Record, label: str, samples: Samples) -> tuple[Estimates, Integers]:
+    """The estimates of a receiver, and the row of the record in which each appeared.
 
     Raises
     ------
@@ -95,12 +102,22 @@ def trajectory(record: Record, label: str, p: Any, samples: Samples) -> Floats:
         )
     available_ns = estimates.available_ns
     assert available_ns is not None, "these were made in a run"
-    row = np.searchsorted(record.time_ns, available_ns)
+    return estimates, np.searchsorted(record.time_ns, available_ns)
+
+
+def between(estimates: Estimates, values: Any, epochs_ns: Integers) -> Floats:
+    """Values of estimates at other epochs, by straight lines; shape (n, …)."""
+    columns = np.asarray(values, float).reshape(len(estimates), -1).T
+    return np.column_stack([np.interp(epochs_ns, estimates.epoch_ns, c) for c in columns])
+
+
+def trajectory(record: Record, label: str, p: Any, samples: Samples) -> Floats:
+    """States at the epochs of the samples, from the estimates of `coupled`; shape (n, d)."""
+    estimates, row = given(record, label, samples)
     epochs = samples.epochs_ns
 
     def at_epochs(values: Any) -> Floats:
-        columns = np.asarray(values, float).reshape(len(row), -1).T
-        return np.column_stack([np.interp(epochs, estimates.epoch_ns, c) for c in columns])
+        return between(estimates, values, epochs)
 
     at = np.zeros((len(epochs), STATES))
     at[:, list(POSITION)] = at_epochs(estimates.position)

@@ -15,6 +15,8 @@ from ..words.lists import listed, plural
 
 LIVELIER = 4.0
 """A receiver is told if q of the path is more than this many times its own."""
+LEARNED = "learned_psd_m2_s3"
+"""In the origin of an estimator after the run: ``median`` and ``last`` of what it learned."""
 _PSD = "acceleration_psd"
 
 
@@ -68,8 +70,11 @@ def motions(
         if isinstance(given, int | float) and given >= 0:
             found[receiver] = Motion(float(given))
             continue
+        told = origins.get(receiver, {}).get(LEARNED)
         learned = motion_psd(record, receiver)
-        if learned is not None:
+        if told is not None:
+            found[receiver] = Motion(None, told["median"], told["last"])
+        elif learned is not None:
             found[receiver] = Motion(None, float(np.median(learned)), float(learned[-1]))
         elif given is not None:
             found[receiver] = Motion(None)

@@ -36,6 +36,7 @@ LONG_FUNCTIONS = {
     "cli.commands.requirements.require": _COMMAND,
     "cli.commands.simulate.calibrate": _COMMAND,
     "cli.commands.simulate.run": _COMMAND,
+    "cli.commands.simulate.smooth": _COMMAND,
     "cli.commands.tournament.compare": _COMMAND,
     "comparison.many.run.run_many": _OPTIONS,
     "comparison.tournament.run.compare": _OPTIONS,

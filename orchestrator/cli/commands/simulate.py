@@ -184,6 +184,18 @@ def smooth(
             "--out", metavar="DIR", help="Folder for the results [default: RUN-smoothed]."
         ),
     ] = None,
+    range_offset_std: Annotated[
+        float, numeric(
+            "--range-offset-std", float, "M", "Standard deviation in m of an offset of each "
+            "beacon's ranges, for beacons on the bottom and buoys.", low=0.0,
+        ),
+    ] = 0.0,
+    range_scale_std: Annotated[
+        float, numeric(
+            "--range-scale-std", float, "SHARE", "Standard deviation of a scale of all ranges, "
+            "e.g. 0.01, for the same.", low=0.0,
+        ),
+    ] = 0.0,
     force: ForceOption = False,
     as_json: JsonOption = False,
     verbose: VerboseOption = False,
@@ -192,7 +204,9 @@ def smooth(
     """Estimate the track of a finished run from everything that was received in it.
 
     This is the most probable track, forwards and backwards in time, with the model of the receiver
-    'coupled'. Tables and figures show it beside the receivers of the run.
+    'coupled', or of 'long_baseline' for beacons on the bottom and buoys. Tables and figures show it
+    beside the receivers of the run. A track that is not believable is not shown, and a remark says
+    so.
     """
     from ...results.figures.artist import forked_artist
 
@@ -202,7 +216,10 @@ def smooth(
 
         wanted, other = destination(out, beside(folder, "smoothed"), force)
         artifacts.check(wanted, other=other)
-        smoothed = smooth_run(folder, set_ or ())
+        smoothed = smooth_run(
+            folder, set_ or (), range_offset_std_m=range_offset_std,
+            range_scale_std=range_scale_std,
+        )
         written = smoothed.save(wanted, figures=not no_figures, other=other, artist=artist)
     report(smoothed, written, wanted, as_json, verbose)
 

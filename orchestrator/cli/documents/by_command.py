@@ -132,6 +132,10 @@ class Smoothed(Run):
     steps_m: list[float]
     """Largest change of the track in each pass."""
     converged: bool
+    believable: bool
+    """Whether nothing speaks against the track; otherwise its estimates are those of `coupled`."""
+    doubts: list[str]
+    """What speaks against the track."""
 
 
 class Component(DocumentPart):

@@ -35,15 +35,19 @@ def drawn(rng: np.random.Generator, covariance: np.ndarray) -> np.ndarray:
 
 
 def dive(
-    p: Any, seed: int, epochs: int = 60, *, loss: float = 0.25, late: float = 0.05
+    p: Any, seed: int, epochs: int = 60, *, loss: float = 0.25, late: float = 0.05,
+    psd: np.ndarray | None = None,
 ) -> tuple[Samples, np.ndarray]:
-    """Samples at 1, 2, … s, the beacons in turn, and the states there, (epochs, 22)."""
+    """Samples at 1, 2, … s, the beacons in turn, and the states there, (epochs, 22).
+
+    With ``psd`` the diver moves with this q in the step to each epoch [m²/s³].
+    """
     rng = np.random.default_rng(seed)
     ns = 1_000_000_000 * np.arange(1, epochs + 1)
     mean, std = model.prior(p, np.zeros(STATES))
     std[[6, 7, 12]], mean[12] = 0.0, HEADING
     x = mean + std * rng.standard_normal(STATES)
-    phi, noise, which = model.transitions(p, 0, ns)
+    phi, noise, which = model.transitions(p, 0, ns, psd)
     states = []
     for turn in which:
         x = phi[turn] @ x + drawn(rng, noise[turn])

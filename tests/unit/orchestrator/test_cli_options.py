@@ -57,6 +57,8 @@ WRONG: dict[str, tuple[str, ...]] = {
     "sound_speed": ("1e300", "-1"),
     "assumed_sound_speed": ("0", "1e300"),
     "range_std": ("-1",),
+    "range_offset_std": ("-1", "x"),
+    "range_scale_std": ("-1", "x"),
     "distance": ("0",),
     "distance_std": ("-1",),
     "clock_offset": ("x",),

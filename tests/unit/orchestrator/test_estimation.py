@@ -27,7 +27,7 @@ SHORT = {"time.duration_s": 30.0, "receiver.range_std_m": 0.1}
 @pytest.fixture(scope="module")
 def run() -> Result:
     """With `coupled` beside another receiver."""
-    return sblcosim.run("realistic-dive", ["sequential", "coupled"], SHORT)
+    return sblcosim.run("realistic-dive", ["sequential", "coupled"], {**SHORT, SET: 0.003})
 
 
 @pytest.fixture(scope="module")
@@ -111,11 +111,11 @@ def test_a_folder_has_all_that_a_result_has(run: Result, folder: Path) -> None:
 
 def test_coupled_is_run_on_the_record_where_it_was_not_in_the_run(run: Result) -> None:
     p = parameters_of(run)
-    played = start.run_coupled(run.record, p, assumed(run.scenario, ()))
+    played = start.run_receiver(run.record, p, assumed(run.scenario, ()))
     for name, values in played.values.items():
         if name.startswith("coupled."):
             assert np.array_equal(values, run.record.values[name]), name
-    alone = sblcosim.run("realistic-dive", "sequential", SHORT)
+    alone = sblcosim.run("realistic-dive", "sequential", {**SHORT, SET: 0.003})
     assert np.array_equal(sblcosim.smooth(alone).track.mean, sblcosim.smooth(run).track.mean)
 
 
@@ -162,26 +162,72 @@ def test_q_that_was_learned_is_its_median_and_without_any_the_start_value(run: R
     assert model.psd_of("coupled", never) == 0.01
 
 
-@pytest.mark.parametrize("estimate", [
-    lambda run, q: sblcosim.smooth(run, q).result.made["smoother"],
-    lambda run, q: sblcosim.research.particle_filter(run, q, particles=200).made["particle_filter"],
-])  # fmt: skip
-def test_estimators_take_the_learned_q(run: Result, estimate: Callable[..., Any]) -> None:
+def particles(run: Result, q: dict[str, Any]) -> np.ndarray:
+    made = sblcosim.research.particle_filter(run, q, particles=200).made["particle_filter"]
+    return np.asarray(made.position)
+
+
+def test_the_particle_filter_takes_the_learned_q(run: Result) -> None:
     told = having_learned(run, 0.4)
-    learned = estimate(told, LEARNED).position
-    assert np.allclose(learned, estimate(told, {**LEARNED, SET: 0.4}).position, atol=1e-9)
-    assert not np.allclose(learned, estimate(told, {SET: 0.003}).position, atol=1e-3)
-    as_given = estimate(run, LEARNED).position  # nothing was learned
-    assert np.allclose(as_given, estimate(run, {SET: 0.003}).position, atol=1e-9)
+    learned = particles(told, LEARNED)
+    assert np.allclose(learned, particles(told, {**LEARNED, SET: 0.4}), atol=1e-9)
+    assert not np.allclose(learned, particles(told, {SET: 0.003}), atol=1e-3)
+    as_given = particles(run, LEARNED)  # nothing was learned
+    assert np.allclose(as_given, particles(run, {SET: 0.003}), atol=1e-9)
+
+
+def test_the_smoother_begins_with_the_learned_q(run: Result) -> None:
+    """In half a minute there is little to learn: what is expected counts."""
+    restless, steady = (
+        np.median(sblcosim.smooth(having_learned(run, q), LEARNED).track.psd) for q in (0.4, 0.004)
+    )
+    assert restless > 0.1
+    assert steady < 0.01
+
+
+def test_a_given_q_is_that_of_the_whole_track(run: Result) -> None:
+    assert set(sblcosim.smooth(having_learned(run, 0.4), {SET: 0.02}).track.psd) == {0.02}
 
 
 SET = "receiver.acceleration_psd_m2_s3"
 
 
-def test_the_manifest_of_a_smoother_has_the_number_that_it_took(run: Result) -> None:
+def test_what_the_smoother_learned_is_in_manifest_and_json(run: Result) -> None:
     smoothed = sblcosim.smooth(having_learned(run, 0.4), LEARNED)
-    taken = smoothed.result.origins["smoother"]["parameters"]["acceleration_psd"]
-    assert taken == pytest.approx(0.4)
+    psd = smoothed.track.psd
+    learned = {"median": np.median(psd), "last": psd[-1]}
+    assert smoothed.result.origins["smoother"]["learned_psd_m2_s3"] == learned
+    assert smoothed.to_json()["motion"]["smoother"] == {
+        "assumed_m2_s3": None, "median_m2_s3": learned["median"], "last_m2_s3": learned["last"],
+    }
+
+
+def test_a_track_that_is_not_believable_is_not_given(run: Result, tmp_path: Path) -> None:
+    smoothed = sblcosim.smooth(run, passes=2)
+    why = "it has not converged in 2 passes"
+    remark = (
+        f"smoother: its track is not believable, as {why}; its estimates are those of 'coupled'"
+    )
+    assert not smoothed.believable
+    assert smoothed.doubts == (why,)
+    made, filtered = smoothed.result.made["smoother"], run.record.estimates("coupled")
+    assert np.array_equal(made.epoch_ns, filtered.epoch_ns)
+    assert np.array_equal(made.position, filtered.position)
+    assert np.array_equal(made.covariance, filtered.covariance)
+    assert made.available_ns is None
+    assert remark in str(smoothed)
+    assert f"not believable, as {why}" in smoothed.text(verbose=True).splitlines()[-1]
+    written = smoothed.to_json()
+    assert (written["believable"], written["doubts"]) == (False, [why])
+    assert remark in written["remarks"]
+    # The folder says it too; a track that is believable takes its place, and the remark.
+    again = read_run(smoothed.save(tmp_path / "refused", figures=False))
+    assert remark in again.remarks
+    assert again.origins["smoother"]["doubts"] == [why]
+    better = sblcosim.smooth(again)
+    assert better.believable
+    assert not any("not believable" in it for it in better.result.remarks)
+    assert better.to_json()["believable"] is True
 
 
 @pytest.mark.parametrize(
@@ -243,6 +289,14 @@ def test_the_command_writes_beside_the_run(cli: Callable[..., object], folder: P
     assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
     twice = cli("smooth", written, "--no-figures", "--out", "again", "--json")
     assert [*json.loads(twice.stdout)["errors"]] == ["sequential", "coupled", "smoother", "raw"]
+
+
+def test_the_command_names_the_option_that_a_platform_has_not(
+    cli: Callable[..., object], folder: Path
+) -> None:
+    done = cli("smooth", folder, "--range-offset-std", "1", "--no-figures")
+    assert done.exit_code == 2
+    assert "error: --range-offset-std: must be 0 for beacons on one platform" in done.stderr
 
 
 def test_the_command_does_not_replace_another_result(

@@ -93,6 +93,24 @@ def test_a_linear_problem_is_solved_as_by_least_squares(seed: int) -> None:
     np.testing.assert_allclose(moments.covariance, covariance, rtol=0, atol=1e-7)
 
 
+def test_noises_are_those_of_least_squares() -> None:
+    """−Q λ and Q − Q Λ Q are mean and covariance of the noise of each step."""
+    problem = a_linear_problem(np.random.default_rng(7))
+    moments = linear.smooth(problem)
+    node = np.searchsorted(problem.first, np.arange(11), side="right") - 1
+    mean, factor = stacked(problem)
+    rows = np.einsum("md,mde->me", problem.H, factor[node]) / np.sqrt(problem.R)[:, None]
+    off = (problem.z - np.einsum("md,md->m", problem.H, mean[node])) / np.sqrt(problem.R)
+    P = np.linalg.inv(np.eye(rows.shape[1]) + rows.T @ rows)
+    for k, turn in list(enumerate(problem.which))[1:]:
+        Q, own = problem.noise[turn], factor[k] - problem.phi[turn] @ factor[k - 1]
+        noise = own @ P @ rows.T @ off
+        np.testing.assert_allclose(-Q @ moments.lean[k], noise, rtol=0, atol=1e-6)
+        np.testing.assert_allclose(
+            Q - Q @ moments.weight[k] @ Q, own @ P @ own.T, rtol=0, atol=1e-6
+        )
+
+
 # --- Late arrivals -------------------------------------------------------------------------------
 
 
@@ -207,6 +225,50 @@ def test_a_first_trajectory_that_is_metres_off_leads_to_the_track(seed: int) -> 
     assert track.converged
     assert np.median(track.punctual) > 0.9
     assert np.abs((track.mean - truth)[:, :3]).max() < 30
+
+
+def test_first_trajectories_that_are_turned_lead_to_the_track() -> None:
+    """As those of a filter with a wrong bearing: all ranges seem late there."""
+    p = parameters(initialisation="first_receptions")
+    c, s = np.cos(1.2), np.sin(1.2)
+    found = []
+    for seed in range(8):
+        samples, truth = dive(p, seed, 90, late=0.0)
+        at = truth.copy()
+        at[:, :2] = truth[:, 6:8] + (truth[:, :2] - truth[:, 6:8]) @ [[c, s], [-s, c]]
+        track = smoother.smooth(p, samples, at)
+        found.append(track.converged and track.punctual.mean() > 0.9)
+    assert sum(found) >= 6
+
+
+# --- How restless the diver is -------------------------------------------------------------------
+
+
+def test_q_is_learned_for_each_stretch() -> None:
+    """A diver who is steady, then restless, then steady; the median over dives of its log."""
+    true = np.repeat([0.002, 0.2, 0.002], 80)
+    learned = []
+    for seed in range(6):
+        p = parameters(initialisation="first_receptions", acceleration_psd_m2_s3=0.02)
+        samples, truth = dive(p, seed, 240, loss=0.0, psd=true)
+        track = smoother.smooth(p, samples, truth, learns=True)
+        assert track.converged
+        learned.append([np.median(part) for part in np.split(track.psd, 3)])
+    steady, restless, again = np.exp(np.mean(np.log(learned), axis=0))
+    assert 0.05 < restless < 0.5
+    assert 5 * max(steady, again) < restless
+
+
+def test_learned_q_mends_the_covariance() -> None:
+    true = np.repeat([0.001, 0.1], 60)
+    nees: dict[bool, list[float]] = {True: [], False: []}
+    for seed in range(10):
+        p = parameters(acceleration_psd_m2_s3=0.003)
+        samples, truth = dive(p, seed, 120, psd=true)
+        for learns, values in nees.items():
+            track = smoother.smooth(p, samples, truth, learns=learns)
+            values.append(position_nees(track, truth))
+    assert np.mean(nees[True]) < 0.75 * np.mean(nees[False])
 
 
 def test_states_before_the_first_packet_keep_their_digits(seam: Seam) -> None:

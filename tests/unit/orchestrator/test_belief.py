@@ -1,0 +1,86 @@
+"""What speaks against a track: its passes, its residuals, and a filter that knows no bearing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from model_dive import dive, parameters
+from sblcosim.data.estimates import Estimates
+from sblcosim.data.samples import Samples
+from sblcosim.estimation import belief, outcome, smoother
+
+EPOCHS = 240
+
+
+def doubts(
+    p: Any, samples: Samples, at: np.ndarray, passes: int = smoother.PASSES
+) -> tuple[str, ...]:
+    """Of the track from a start, beside a filter whose covariances are those of the track."""
+    track = smoother.smooth(p, samples, at, passes)
+    filtered = outcome.of_states(p, samples, track.mean, track.covariance)
+    return belief.doubts(p, samples, track, filtered)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_nothing_speaks_against_a_track_of_the_model(seed: int) -> None:
+    p = parameters()
+    samples, truth = dive(p, seed, EPOCHS)
+    assert doubts(p, samples, truth) == ()
+
+
+def test_passes_that_have_not_converged() -> None:
+    p = parameters()
+    samples, truth = dive(p, 1, EPOCHS)
+    assert doubts(p, samples, truth, 3) == ("it has not converged in 3 passes",)
+
+
+def test_a_beacon_that_measures_too_much() -> None:
+    """And too little: no clock explains both."""
+    p = parameters()
+    samples, truth = dive(p, 2, EPOCHS, loss=0.0, late=0.0)
+    off = 4.0 * (samples.beacon == 0) - 4.0 * (samples.beacon == 1)
+    said = doubts(p, replace(samples, range=samples.range + off), truth)
+    assert any("of the ranges do not fit" in it for it in said)
+
+
+def test_a_stretch_in_which_ranges_do_not_fit() -> None:
+    p = parameters()
+    samples, truth = dive(p, 3, EPOCHS, loss=0.0, late=0.0)
+    seconds = samples.range_ns / 1e9
+    rough = (seconds >= 120) & (seconds < 180)
+    off = np.random.default_rng(3).uniform(-6, 6, len(seconds)) * rough
+    said = doubts(p, replace(samples, range=samples.range + off), truth)
+    assert said == ("the ranges from 120 s to 180 s do not fit",)
+
+
+def test_noise_that_is_larger_than_was_told() -> None:
+    """Up to three of its standard deviations, no range of its own is a misfit."""
+    p = parameters(range_std_m=0.05, outlier_probability=0.0)
+    samples, truth = dive(p, 4, EPOCHS, loss=0.0, late=0.0)
+    rng = np.random.default_rng(4)
+    noisy = samples.range + 0.15 * rng.choice([-1.0, 1.0], len(samples.range))
+    said = doubts(p, replace(samples, range=noisy), truth)
+    assert any("times what is expected" in it for it in said)
+
+
+@pytest.mark.parametrize(("bearing_std", "known"), [(0.5, True), (1.3, True), (1.6, False)])
+def test_a_filter_that_knows_no_bearing(bearing_std: float, known: bool) -> None:
+    p = parameters()
+    samples, truth = dive(p, 5, EPOCHS)
+    track = smoother.smooth(p, samples, truth)
+    y = np.array([12.0, 5.0])
+    across = np.array([-y[1], y[0]])
+    P = np.eye(6)
+    P[::2, ::2][:2, :2] = bearing_std**2 * np.outer(across, across)
+    filtered = Estimates(
+        epoch_ns=samples.epochs_ns, position=truth[:, :3],
+        covariance=np.tile(P, (len(truth), 1, 1)),
+        relative_position=np.tile([*y, 6.0], (len(truth), 1)),
+    )
+    said = belief.doubts(p, samples, track, filtered)
+    assert (said == ()) is known
+    if not known:
+        assert "bearing" in said[0]
