@@ -106,6 +106,15 @@ def test_the_smoother_on_a_track_with_corners(q: float | str) -> None:
     assert sum(it.believable for it in tracks) >= 11
 
 
+def test_the_smoother_refuses_where_the_bearing_is_unknown() -> None:
+    """Three beacons and a loss of 85 %. With full steps, a third of the passes do not converge."""
+    tracks = beside_the_filter("3, spiral, loss", 12, "learned", 1.05, 4.0)
+    assert all(it.track.converged for it in tracks)
+    refused = [it for it in tracks if not it.believable]
+    assert 1 <= len(refused) <= 6
+    assert all("bearing" in it.doubts[0] for it in refused)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "q", "nees"), [
     ("3, own positions, at once", "learned", 4.0), ("3, spiral, loss", "learned", 4.0),
