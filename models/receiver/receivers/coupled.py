@@ -1,8 +1,8 @@
 """A filter of diver, platform and their sensors' errors.
 
 RMS total error in 300 runs, and its covariance. Beacons on the bottom (harbour-lbl):
-`long_baseline` 0.42 m, in band; `coupled` 0.57 m, pessimistic; `fixed_lag` 0.40 m, pessimistic.
-Below buoys (gps-buoys): `long_baseline` 0.62 m, in band; `coupled` 0.48 m, pessimistic; `fixed_lag`
+`long_baseline` 0.44 m, in band; `coupled` 0.57 m, pessimistic; `fixed_lag` 0.40 m, pessimistic.
+Below buoys (gps-buoys): `long_baseline` 0.64 m, in band; `coupled` 0.48 m, pessimistic; `fixed_lag`
 0.33 m, pessimistic.
 """
 
