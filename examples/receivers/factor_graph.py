@@ -24,7 +24,7 @@ def measured(x, s):
 
 class FactorGraph(Receiver):
     """A state (x, vx, y, vy, z, vz) per epoch, constant velocity between them, and the samples."""
-    parameters = {"acceleration_psd": 0.01, "window": 2.0}
+    parameters = {"acceleration_psd": 0.003, "window": 2.0}
     outputs = ("velocity", "covariance")
 
     def start(self):

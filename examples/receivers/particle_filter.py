@@ -7,7 +7,7 @@ from sblcosim import Depth, Estimate, Receiver
 class ParticleFilter(Receiver):
     """Particles move horizontally with white acceleration; the depth is the last reading."""
 
-    parameters = {"particles": 4000, "acceleration_psd": 0.01, "outliers": 0.001}
+    parameters = {"particles": 4000, "acceleration_psd": 0.003, "outliers": 0.001}
     outputs = ("covariance",)
 
     def start(self):

@@ -25,7 +25,7 @@ class Distance(NonLinearGaussianMeasurement):
 class StoneSoup(Receiver):
     """Constant velocity, disturbed by white acceleration; each sample at its own epoch."""
 
-    parameters = {"acceleration_psd": 0.01}
+    parameters = {"acceleration_psd": 0.003}
     outputs = ("velocity", "covariance")
 
     def start(self):

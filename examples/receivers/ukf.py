@@ -21,7 +21,7 @@ def distance(x, beacon):
 class Ukf(Receiver):
     """Constant velocity, disturbed by white acceleration; each sample at its own epoch."""
 
-    parameters = {"acceleration_psd": 0.01, "gate": 4.0}
+    parameters = {"acceleration_psd": 0.003, "gate": 4.0}
     outputs = ("velocity", "covariance")
 
     def start(self):

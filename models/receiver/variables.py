@@ -114,7 +114,8 @@ PLATFORM = (
     parameter("tilt_std", "Standard deviation of the platform's roll and pitch", "rad", start=0.07,
               min=0.0, max=pi / 2),
     parameter("tilt_time", "Correlation time of roll and pitch", "s", start=0.8, min=0.01,
-              max=SLOWEST_TILT, needs=(not_zero("tilt_std"),)),
+              max=SLOWEST_TILT, needs=(not_zero("tilt_std"), (is_one_of(
+                  "pose_source", POSE_SOURCE, "beacon_positions", "own_beacon"),))),
     parameter("imu_heading_std", "IMU: standard deviation of the heading's white error", "rad",
               min=0.0),
     parameter("imu_heading_error_std", "IMU: standard deviation of the heading's Gauss-Markov "

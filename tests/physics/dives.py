@@ -202,8 +202,8 @@ def judged(table: Any) -> tuple[float, float, float]:
 
 # --- The page ------------------------------------------------------------------------------------
 
-HEAD = ("dive", "possible", "`ekf`", "best q", "its RMS", "RMS", "median", "worst", "NEES", "> 15",
-        "> 20 s", "`watch`: RMS", "> 15", "> 20 s")
+HEAD = ("dive", "possible", "`ekf`", "best q", "its RMS", "learned / best", "RMS", "median",
+        "worst", "NEES", "> 15", "> 20 s", "`watch`: RMS", "> 15", "> 20 s")
 LONG_S = 20.0
 """A run is beyond its claim for long above this many seconds without a break."""
 
@@ -224,6 +224,11 @@ def tails(table: Any) -> tuple[str, str]:
     return above, long
 
 
+def two(value: float) -> str:
+    """Two digits, without an exponent."""
+    return f"{float(f'{value:.2g}'):,g}"
+
+
 def row(name: str, runs: int, many: int) -> tuple[str, ...]:
     """Cells of a row of the page.
 
@@ -234,6 +239,7 @@ def row(name: str, runs: int, many: int) -> tuple[str, ...]:
     """
     given = {q: judged(cell(name, runs, acceleration_psd=q)) for q in GIVEN}
     best = min(given, key=lambda q: given[q][0])
+    ratio = judged(cell(name, runs, acceleration_psd=LEARNED))[0] / given[best][0]
     ekf = judged(cell(name, runs, receiver="ekf"))
     mine = cell(name, many, 10_001, acceleration_psd=LEARNED)
     rms, nees, _ = judged(mine)
@@ -243,9 +249,9 @@ def row(name: str, runs: int, many: int) -> tuple[str, ...]:
         table = cell(name, many, 10_001, acceleration_psd=LEARNED, watch=1.0)
         watched = (f"{judged(table)[0]:.3g}", *tails(table))
     return (
-        name, f"{possible(name):.3g}", f"{ekf[0]:.3g} ({ekf[1]:.2g})", f"{best:g}",
-        f"{given[best][0]:.3g} ({given[best][1]:.2g})", f"{rms:.3g}", f"{each.median():.3g}",
-        f"{each.max():.3g}", f"{nees:.2g}", *tails(mine), *watched,
+        name, f"{possible(name):.3g}", f"{ekf[0]:.3g} ({two(ekf[1])})", f"{best:g}",
+        f"{given[best][0]:.3g} ({two(given[best][1])})", f"{ratio:.2f}", f"{rms:.3g}",
+        f"{each.median():.3g}", f"{each.max():.3g}", two(nees), *tails(mine), *watched,
     )
 
 

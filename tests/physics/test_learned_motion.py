@@ -16,7 +16,7 @@ from sblcosim.scenario.wiring import connect
 from sblcosim.simulation.masters.lanes import execute
 from sblcosim.simulation.resolve import resolve
 
-ALLOWED = {"short arms, poor ranges": 0.04, "bottom, 3 nearly on a line": 0.02}
+ALLOWED = {"short arms, poor ranges": 0.02, "late": 0.004, "bottom, 3 nearly on a line": 0.02}
 """Share of runs with a NEES above 15, where it is not that of all cells."""
 QUICK = ("short arms", "late", "4, slow turns", "bottom, 4, white", "bottom, 3, turns")
 

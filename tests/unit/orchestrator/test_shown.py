@@ -124,7 +124,7 @@ def test_lines_are_true(things: dict[str, Any]) -> None:
     assert "of 21 instants, 0 to 20 s: target, platform, acoustics" in repr(things["record"])
     assert repr(things["study"]) == "<Study arms <1>: 2 factors, 4 points × 3 = 12 runs>"
     assert repr(things["scenario"]) == "<Scenario realistic-dive: A realistic dive>"
-    assert "mean (19×19)" in repr(things["track"])
+    assert "mean (19×22)" in repr(things["track"])
     assert repr(things["estimate"]) == "<Estimate at 2.0 s: epoch, position, covariance>"
     first = things["analysis"].ranked()["effect"].iloc[0]
     assert f"of 12 runs, effects on {things['analysis'].response}: " in repr(things["analysis"])
