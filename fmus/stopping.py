@@ -48,6 +48,7 @@ class _Stop:
         self.nudged = False  # by the watchdog
         self.named: list[Path] = []
         self.over = False
+        self.nudging = _thread.allocate_lock()
 
     def exception(self) -> KeyboardInterrupt:
         kind = Terminated if self.came == signal.SIGTERM else KeyboardInterrupt
@@ -144,6 +145,8 @@ def stoppable(
         check()
     finally:
         stop.over = True
+        with stop.nudging:  # the last nudge comes to our handler
+            pass
         for number, handler in before.items():
             signal.signal(number, handler)
         sys.unraisablehook = report
@@ -218,12 +221,15 @@ def _again(stop: _Stop, number: int) -> None:
 def _watch(stop: _Stop, main: int | None) -> None:
     time.sleep(GRACE)
     assert main is not None
-    while not stop.over:
-        stop.nudged = True
-        if hasattr(signal, "pthread_kill"):
-            signal.pthread_kill(main, stop.came)  # also interrupts blocking calls
-        else:
-            _thread.interrupt_main(signal.Signals(stop.came))
+    while True:
+        with stop.nudging:
+            if stop.over:
+                return
+            stop.nudged = True
+            if hasattr(signal, "pthread_kill"):
+                signal.pthread_kill(main, stop.came)  # also interrupts blocking calls
+            else:
+                _thread.interrupt_main(signal.Signals(stop.came))
         time.sleep(PERIOD)
 
 

@@ -194,3 +194,36 @@ def test_a_second_ctrl_c_ends_the_command_at_once() -> None:
     )  # fmt: skip
     assert done.returncode == 130
     assert "at once" in done.stderr
+
+
+LATE = """
+import os, signal, time
+from sblcosim.fmus import stopping
+
+kill = signal.pthread_kill
+
+def late(*arguments):
+    time.sleep(0.4)
+    kill(*arguments)
+
+signal.pthread_kill = late
+try:
+    with stopping.stoppable(command=True):
+        os.kill(os.getpid(), signal.NUMBER)
+        since = time.monotonic()
+        while time.monotonic() < since + stopping.GRACE + 0.2:
+            time.sleep(0.01)
+        stopping.check()
+except KeyboardInterrupt:
+    print("stopped", flush=True)
+time.sleep(0.6)
+print("lives")
+"""
+
+
+@pytest.mark.parametrize("number", ["SIGINT", "SIGTERM"])
+def test_no_nudge_comes_after_the_block(number: str) -> None:
+    """It would come to the handlers of before, and end the process as the signal does."""
+    code = LATE.replace("NUMBER", number)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (0, "stopped\nlives\n"), done.stderr
