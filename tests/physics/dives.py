@@ -226,7 +226,8 @@ def tails(table: Any) -> tuple[str, str]:
 
 def two(value: float) -> str:
     """Two digits, without an exponent."""
-    return f"{float(f'{value:.2g}'):,g}"
+    rounded = float(f"{value:.2g}")
+    return f"{rounded:,.0f}" if rounded >= 100 else f"{rounded:g}"
 
 
 def row(name: str, runs: int, many: int) -> tuple[str, ...]:
