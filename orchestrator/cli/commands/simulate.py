@@ -205,8 +205,8 @@ def smooth(
 
     This is the most probable track, forwards and backwards in time, with the model of the receiver
     'coupled', or of 'long_baseline' for beacons on the bottom and buoys. Tables and figures show it
-    beside the receivers of the run. A track that is not believable is not shown, and a remark says
-    so.
+    beside the receivers of the run. In place of a track that is not believable, they show the
+    filter's estimates, and a remark says so.
     """
     from ...results.figures.artist import forked_artist
 

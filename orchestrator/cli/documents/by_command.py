@@ -133,7 +133,7 @@ class Smoothed(Run):
     """Largest change of the track in each pass."""
     converged: bool
     believable: bool
-    """Whether nothing speaks against the track; otherwise its estimates are those of `coupled`."""
+    """Whether nothing speaks against the track. If not, its estimates are those of the filter."""
     doubts: list[str]
     """What speaks against the track."""
 

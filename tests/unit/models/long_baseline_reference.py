@@ -11,6 +11,7 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
+from bank_reference import mixed
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.stats import exponnorm, norm
@@ -482,18 +483,13 @@ class Learning(Reference):
             self.there.p = {**self.p, "acceleration_psd": self.believed()}
         if not self.ready or self.epoch - self.mixed < self.every:
             return
-        stay, n = np.exp(-(self.epoch - self.mixed) / self.memory), len(self.psds)
-        transitions = stay * np.eye(n) + (1 - stay) / n
-        ahead = transitions.T @ self.weights
-        share = transitions * self.weights[:, None] / ahead
+        stay = np.exp(-(self.epoch - self.mixed) / self.memory)
         means = np.array([f.mean for f in self.filters])
-        mixed = share.T @ means
-        off = means[:, None] - mixed[None]
-        before = [f.P for f in self.filters]
-        for j, f in enumerate(self.filters):
-            f.mean, f.P = mixed[j], sum(
-                share[i, j] * (P + np.outer(off[i, j], off[i, j])) for i, P in enumerate(before)
-            )
+        ahead, means, covariances = mixed(
+            self.weights, means, [f.P for f in self.filters], stay
+        )
+        for f, m, P in zip(self.filters, means, covariances, strict=True):
+            f.mean, f.P = m, P
         self.weights, self.mixed = ahead, self.epoch
 
     def output(self) -> dict[str, Any]:
