@@ -38,6 +38,19 @@ _OURS = re.compile(re.escape(HIDDEN) + "[0-9a-f]{32}(" + re.escape(_LOCK) + ")?"
 _BYTE = 1 << 30  # Windows forbids reading locked bytes, so the lock lies beyond the content
 
 
+def working_directory_problem() -> str | None:
+    """Why the working directory cannot be worked in; None if it can."""
+    try:
+        here = os.getcwd()
+    except OSError:
+        return "working directory: must exist, got one that was deleted"
+    try:
+        here.encode()  # as lxml and other libraries do with what is relative to it
+    except UnicodeEncodeError:
+        return f"working directory: must have a name in UTF-8, got {here!a}"
+    return None
+
+
 def write_file(
     path: Path, content: bytes, *, replace: bool = True, durable: bool = True
 ) -> None:

@@ -25,7 +25,14 @@ if TYPE_CHECKING:
     from .estimation.after import Smoothed, smooth
     from .export.container import export_fmu
     from .export.ssp import export_ssp
+    from .identification.result import Identified
+    from .identification.run import identify
     from .listings import questions, receivers, scenarios, studies
+    from .logs.contents import log
+    from .logs.log import Log
+    from .logs.read import read_log
+    from .processing.processed import Processed
+    from .processing.workflow import process
     from .results.result import Result
     from .scenario.keys import Overrides
     from .scenario.scenario import Scenario, load
@@ -39,7 +46,10 @@ __all__ = [
     "Depth",
     "Estimate",
     "FmuError",
+    "Identified",
+    "Log",
     "Overrides",
+    "Processed",
     "PythonComponent",
     "Range",
     "Receiver",
@@ -54,11 +64,15 @@ __all__ = [
     "compare",
     "export_fmu",
     "export_ssp",
+    "identify",
     "limits",
     "load",
+    "log",
     "map_area",
     "map_distance",
+    "process",
     "questions",
+    "read_log",
     "receivers",
     "require",
     "research",
@@ -78,7 +92,10 @@ if not TYPE_CHECKING:  # a type checker would accept any name
             "Depth": "simulation.receiver",
             "Estimate": "simulation.receiver",
             "FmuError": "errors",
+            "Identified": "identification.result",
+            "Log": "logs.log",
             "Overrides": "scenario.keys",
+            "Processed": "processing.processed",
             "PythonComponent": "simulation.system",
             "Range": "simulation.receiver",
             "Receiver": "simulation.receiver",
@@ -93,11 +110,15 @@ if not TYPE_CHECKING:  # a type checker would accept any name
             "compare": "comparison.tournament.run",
             "export_fmu": "export.container",
             "export_ssp": "export.ssp",
+            "identify": "identification.run",
             "limits": "",
             "load": "scenario.scenario",
+            "log": "logs.contents",
             "map_area": "areas.survey",
             "map_distance": "areas.distance",
+            "process": "processing.workflow",
             "questions": "listings",
+            "read_log": "logs.read",
             "receivers": "listings",
             "require": "",
             "research": "",

@@ -21,8 +21,8 @@ from .results.result import Result
 from .scenario.files import naming_files
 from .scenario.overrides import Changes
 from .scenario.scenario import Receivers, Scenario, Source, load
-from .simulation.children.process import foreign, patient, strangers
-from .simulation.execution import execute, needs_python, survive
+from .simulation.children.process import patient
+from .simulation.execution import execute_part, survive
 from .simulation.how import How
 from .simulation.plans.plan import Plan
 
@@ -135,18 +135,9 @@ def _carried_out(
     if before is not None:
         before(description.manifest())
     judged: dict[str, Judged] = {}
-    apart = bool(strangers(plan))
 
     def executed(left: Plan) -> Record:
-        # Without the failed receivers there may be no third-party FMU left to time.
-        timed = len(left.components) == len(plan.components) or foreign(left)
-        record = execute(
-            left,
-            how.progress,
-            master=how.master,
-            step_timeout=how.step_timeout if timed else None,
-            apart=apart and (how.master == "python" or needs_python(left)),
-        )
+        record = execute_part(left, plan, how)
         names = [c.name for c in left.components if c.name in description.receivers]
         truth = of_record(record) if names else None
         judged.clear()

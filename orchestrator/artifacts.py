@@ -66,7 +66,7 @@ def folder(path: str | Path, manifest: Mapping[str, Any]) -> Iterator[Path]:
 
 @contextmanager
 def draft(
-    path: str | Path, manifest: Mapping[str, Any], other: Other = "replace"
+    path: str | Path, manifest: Mapping[str, Any], other: Other = "replace", *, adds: bool = False
 ) -> Iterator[Draft]:
     """A new folder that gets its final name only when its contents are complete.
 
@@ -85,6 +85,9 @@ def draft(
     other
         What to do if a different result has this name: replace it, refuse to write, or give the
         new folder the next free number.
+    adds
+        Whether files that only an equal earlier result of the same software has, are kept. The
+        manifest must then decide all of them.
 
     Raises
     ------
@@ -103,6 +106,8 @@ def draft(
             part.mkdir()
             result = Draft(part, path, given)
             yield result
+            if adds:
+                _keep(place_for(path, manifest, other), part, manifest)
             _finish(part, manifest)
             stopping.check()
             with stopping.deferred():
@@ -133,6 +138,24 @@ def _finish(part: Path, manifest: Mapping[str, Any]) -> None:
     (part / MANIFEST).write_bytes(manifests.sealed(content))
     with ThreadPoolExecutor() as pool:  # a disk syncs many files as fast as one
         list(pool.map(files.sync_file, (file for file in part.rglob("*") if file.is_file())))
+
+
+def _keep(earlier: Path, part: Path, manifest: Mapping[str, Any]) -> None:
+    """Copy the files that only an equal earlier result has, except those that have been changed."""
+    if not os.path.isdir(earlier) or not _may_go(earlier, manifest):
+        return
+    before = manifests.of_folder(earlier)
+    if before is None or before.get("software") != software():
+        return
+    damaged = {Path(name).parts[0] for name in manifests.changed(earlier, before)}
+    for name in {*before.get(HASHES, ())} - damaged:
+        old, new = earlier / name, part / name
+        if os.path.lexists(new) or not os.path.lexists(old):
+            continue
+        if old.is_dir():
+            shutil.copytree(old, new)
+        else:
+            shutil.copyfile(old, new)
 
 
 def _fill(path: Path, part: Path) -> bool:
@@ -192,8 +215,8 @@ def place_for(path: Path, manifest: Mapping[str, Any], other: Other) -> Path:
     return candidate
 
 
-def _may_go(path: Path, manifest: Mapping[str, Any]) -> bool:
-    """Whether a path may be replaced: it is empty or holds an equal result."""
+def _may_go(path: Path, manifest: Mapping[str, Any], part: bool = False) -> bool:
+    """Whether a path may be replaced: it is empty or holds an equal result, or one with a part."""
     try:
         _refuse_foreign(path)
     except manifests.DamagedManifestError as error:
@@ -209,7 +232,16 @@ def _may_go(path: Path, manifest: Mapping[str, Any]) -> bool:
         {key: value for key, value in content.items() if key not in outcome}
         for content in (before, json.loads(json.dumps(manifest)))
     )
-    return bool(kept == new)
+    return _agrees(new, kept) if part else bool(kept == new)
+
+
+def _agrees(part: Any, whole: Any) -> bool:
+    """Whether plain data have all entries of a part of them."""
+    if isinstance(part, dict) and isinstance(whole, dict):
+        return all(key in whole and _agrees(item, whole[key]) for key, item in part.items())
+    if isinstance(part, list) and isinstance(whole, list) and len(part) == len(whole):
+        return all(map(_agrees, part, whole))
+    return bool(part == whole)
 
 
 def _empty(path: Path) -> None:
@@ -225,9 +257,16 @@ def _empty(path: Path) -> None:
 
 
 def check(
-    path: str | Path, manifest: Mapping[str, Any] | None = None, other: Other = "replace"
+    path: str | Path, manifest: Mapping[str, Any] | None = None, other: Other = "replace",
+    *, part: bool = False,
 ) -> None:
     """Check in advance, as far as possible, that `draft` can write there.
+
+    Parameters
+    ----------
+    part
+        Whether the manifest is only what is known of it before the work. A result in the folder
+        must then agree with that part.
 
     Raises
     ------
@@ -245,12 +284,18 @@ def check(
         other == "refuse"
         and manifest is not None
         and os.path.lexists(path)
-        and not _may_go(path, manifest)
+        and not _may_go(path, manifest, part)
     ):
         raise ConfigurationError(
             f"{shown}: must be empty or hold the result of this very run, got that of another; "
             "--force (in Python other='replace') replaces it"
         )
+    try:
+        os.lstat(path)
+    except (FileNotFoundError, NotADirectoryError):
+        pass
+    except OSError as error:  # its name is too long, for example
+        raise _refusal(path, error) from error
     above = path.parent
     while not os.path.lexists(above):
         above = above.parent

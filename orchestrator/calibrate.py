@@ -220,6 +220,7 @@ def calibrate(
     seed: int = 1,
     fmi: Literal[2, 3] = 2,
     acoustics: Path | Callable[[], PythonComponent] | None = None,
+    before: Callable[[Mapping[str, Any]], None] | None = None,
 ) -> CalibrationResult:
     """Measure the speed of sound over a known distance, and test ranges over many distances.
 
@@ -245,15 +246,19 @@ def calibrate(
         FMI version of the Acoustics FMU.
     acoustics
         An Acoustics component instead of ours: an FMU, or a callable that makes a Python component.
+    before
+        Called with what is known of the manifest, before the first ping.
 
     Raises
     ------
     ConfigurationError
         An argument is out of range.
     """
-    settings = {k: v for k, v in locals().items() if k not in ("fmi", "acoustics")}
+    settings = {k: v for k, v in locals().items() if k not in ("fmi", "acoustics", "before")}
     _check(settings)
     check_choice("calibrate fmi", fmi, (2, 3))
+    if before is not None:
+        before({"calibration": {"settings": artifacts.plain(settings)}})
     if acoustics is None:
         from sblcosim.fmus.build.factory import build
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import stat
 from collections.abc import Collection
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from sblcosim.fmus.errors import (
     quoted,
     shortened,
 )
+from sblcosim.fmus.files import KINDS
 
 __all__ = [
     "BuildError",
@@ -33,6 +35,7 @@ __all__ = [
     "escaped",
     "instance",
     "nearest",
+    "no_file",
     "one_line",
     "quoted",
     "resolved",
@@ -71,6 +74,15 @@ class ConfigurationWarning(Concise, UserWarning):
 
 class NoEffectWarning(ConfigurationWarning):
     """A key was given explicitly but has no effect."""
+
+
+def no_file(path: Path) -> str:
+    """What is at a path in place of a file, for a message."""
+    try:
+        mode = path.stat().st_mode
+    except OSError as error:
+        return "no such file" if error.errno == errno.ENOENT else str(error.strerror)
+    return "a folder" if stat.S_ISDIR(mode) else KINDS.get(stat.S_IFMT(mode), "a file")
 
 
 def resolved(path: str | Path) -> Path:

@@ -30,13 +30,14 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     from sblcosim.fmus.build import bound
     from sblcosim.fmus.build.factory import Wanted, build_all
     from sblcosim.fmus.errors import BuildError
+    from sblcosim.identification import innovations
     from sblcosim.models import COMPONENTS
-    from sblcosim.simulation.masters import c_libraries, lanes_driver, native
+    from sblcosim.simulation.masters import c_libraries, lanes_driver, native, replay
 
     with suppress(BuildError):  # the tests say so
         build_all([Wanted(name, fmi) for fmi in (2, 3) for name in COMPONENTS])
         bound.library()
-        for driver in (native.DRIVER, lanes_driver.DRIVER):
+        for driver in (native.DRIVER, lanes_driver.DRIVER, replay.DRIVER, innovations.DRIVER):
             c_libraries.library(driver)
 
 

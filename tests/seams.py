@@ -27,8 +27,9 @@ def numbers() -> dict[str, tuple[ModuleType, str]]:
     from sblcosim.fmus.read import archive, description
     from sblcosim.limits import places
     from sblcosim.models.receiver import bound
+    from sblcosim.paths import earth
+    from sblcosim.processing import windows
     from sblcosim.require import limiting
-    from sblcosim.results import geography
     from sblcosim.results.figures import animation
     from sblcosim.simulation.children import process
     from sblcosim.simulation.masters import lanes
@@ -45,12 +46,13 @@ def numbers() -> dict[str, tuple[ModuleType, str]]:
         "elements": (description, "MAX_ELEMENTS"),
         "far_std": (bound, "FAR_STD"),
         "farewell": (process, "FAREWELL"),
-        "geography_points": (geography, "MOST_POINTS"),
+        "few_lines": (windows, "TOGETHER"),
         "frames": (animation, "FRAMES"),
         "group": (parts, "GROUP"),
         "kept_steps": (runner, "KEPT_STEPS"),
         "limiting_runs": (limiting, "RUNS"),
         "most_steps": (places, "MOST_STEPS"),
+        "path_points": (earth, "MOST_POINTS"),
         "patience": (conformance, "PATIENCE"),
         "reach": (bounds, "REACH"),
         "room_bytes": (lanes, "ROOM_BYTES"),

@@ -20,10 +20,11 @@ from pathlib import Path
 from sblcosim.fmus.build import bound, compiler, factory
 from sblcosim.fmus.files import write_sealed
 from sblcosim.fmus.platforms import PLATFORMS
+from sblcosim.identification import innovations
 from sblcosim.models import COMPONENTS, file_name
 from sblcosim.models.target.variables import TRACK_POINTS
 from sblcosim.scenario.tracks import CAPACITIES
-from sblcosim.simulation.masters import c_libraries, lanes_driver, native
+from sblcosim.simulation.masters import c_libraries, lanes_driver, native, replay
 
 ROOT = Path(__file__).parents[1]
 SOURCES = ("orchestrator", "models", "fmus", "pyproject.toml", "README.md", "LICENSE")
@@ -63,7 +64,7 @@ def wheel(out: Path, cc: compiler.Compiler, ready: Mapping[str, Path]) -> None:
         Files to include besides the drivers, by their place.
     """
     made = dict(ready)
-    for driver in (native.DRIVER, lanes_driver.DRIVER):
+    for driver in (native.DRIVER, lanes_driver.DRIVER, replay.DRIVER, innovations.DRIVER):
         file = c_libraries.library(driver, cc)
         made[f"{c_libraries.key(driver, cc.platform)}/{file.name}"] = file
     file = bound.library(cc)

@@ -4,7 +4,7 @@ Vectorised over the runs, which are the first axis: rotation matrices, and an EK
 and 5 x 5 matrices, products by ``@`` and gains by ``numpy.linalg.solve``. Everything besides the
 simulation itself (design, target, batches) is that of the tuned script.
 
-Run by hand: ``python benchmarks/competitors/numpy_study.py --plain``
+Run by hand: ``python benchmarks/competitors/numpy_plain.py``
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from numpy_study import (
     Factors,
     Q,
     epochs,
+    main,
     target,
 )
 
@@ -106,3 +107,7 @@ def simulate(sampling_time: float, rng: np.random.Generator, factors: Factors) -
     squares /= steps
     rms: Floats = np.sqrt(np.vstack([squares.T, squares.sum(axis=1)]))
     return rms
+
+
+if __name__ == "__main__":
+    main(simulate, BATCH, __doc__)

@@ -413,12 +413,12 @@ def study(
     )
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+def main(simulate: Simulate, batch: int, description: str | None) -> None:
+    """A study with the options of the command line; `batch` unless they say otherwise."""
+    parser = argparse.ArgumentParser(description=(description or "").partition("\n")[0])
     parser.add_argument("--runs", type=int, default=3200)
     parser.add_argument("--sampling-time", type=float, default=0.1, help="s")
-    parser.add_argument("--batch", type=int, help="runs simulated at once")
-    parser.add_argument("--plain", action="store_true", help="use numpy_plain.py instead")
+    parser.add_argument("--batch", type=int, default=batch, help="runs simulated at once")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--repeats", type=int, default=3, help="the smallest time is printed")
     for name, (low, high) in FACTORS.items():
@@ -427,12 +427,6 @@ def main() -> None:
         )
     arguments = parser.parse_args()
 
-    if arguments.plain:
-        import numpy_plain
-
-        chosen, batch = numpy_plain.simulate, numpy_plain.BATCH
-    else:
-        chosen, batch = simulate, BATCH
     factors = design(arguments.runs)
     for name in FACTORS:
         if (level := getattr(arguments, name)) is not None:
@@ -441,7 +435,7 @@ def main() -> None:
     for _ in range(arguments.repeats):
         began = time.perf_counter()
         rms = study(
-            arguments.sampling_time, factors, arguments.seed, arguments.batch or batch, chosen
+            arguments.sampling_time, factors, arguments.seed, arguments.batch, simulate
         )
         seconds.append(time.perf_counter() - began)
     ns = min(seconds) / epochs(arguments.sampling_time) / arguments.runs * 1e9
@@ -452,4 +446,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    main(simulate, BATCH, __doc__)

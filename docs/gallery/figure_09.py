@@ -23,6 +23,13 @@ sblcosim.run("harbour-square", overrides=moderate).plot_inclination()
 print(paper.beside(9))
 
 # %%
+# The paper's waves are one sine per axis, with phases of their own. A sea has many waves, and roll,
+# pitch and heave share them. The same sea with a spectrum, long waves from between ahead and abeam:
+sea = {"platform.motion": "spectrum", "platform.wave_direction_deg": 225.0}
+spread = {"platform.wave_spreading_deg": 25.0}
+sblcosim.run("harbour-square", overrides=moderate | sea | spread).plot_inclination()
+
+# %%
 # To see another sea, change the Beaufort number:
 rough = slight | {"platform.beaufort": 6}
 sblcosim.run("harbour-square", overrides=rough).plot_inclination()

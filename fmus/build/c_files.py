@@ -27,4 +27,4 @@ def c_files(names: Sequence[str]) -> dict[str, bytes]:
 
 def engine_headers() -> dict[str, bytes]:
     """The headers of the engine and of its lanes, by file name."""
-    return c_files([*HEADERS, "lanes.h"])
+    return c_files([*HEADERS, "lanes.h", "widest.h"])

@@ -124,14 +124,17 @@ def statements(
                     f"{function.name()}: no C for instruction {names}"
                 ) from None
     stores = {target: value for target, value in stores.items() if values.texts[value] != target}
+    needed: set[str] = set()
+    writes = []
+    for target, value in stores.items():
+        condition, new = values.change(target, value) if where else ("", value)
+        needed |= {new, condition} - {""}
+        lanes = f"{where} & {condition}" if condition else where
+        writes.append(
+            f"{target} = r_blend({lanes}, {new}, {target});" if where else f"{target} = {new};"
+        )
     # All reads come before any write: argument and result may be the same array.
-    return [
-        *values.lines(set(stores.values())),
-        *(
-            f"{target} = r_blend({where}, {value}, {target});" if where else f"{target} = {value};"
-            for target, value in stores.items()
-        ),
-    ]
+    return [*values.lines(needed), *writes]
 
 
 def _parted(statements: Sequence[str]) -> Iterator[str]:
@@ -226,6 +229,14 @@ class _Values:
             if self._negated.get(opposite) == condition:
                 return condition, x, y
         return None
+
+    def change(self, target: str, value: str) -> tuple[str, str]:
+        """Where a value changes an element ("": everywhere), and to which value."""
+        if self.texts[value].startswith("r_blend("):
+            condition, new, old = self.operands[value]
+            if self.texts[old] == target:
+                return condition, new
+        return "", value
 
     def lines(self, wanted: set[str]) -> list[str]:
         """Statements for the wanted values and everything they need."""

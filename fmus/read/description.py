@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import io
 import math
-import os
 import re
 import zipfile
 from collections.abc import Callable, Iterable, Iterator
@@ -20,6 +19,7 @@ from xml.parsers import expat
 from fmpy.model_description import ModelDescription, ModelVariable, read_model_description
 
 from ..errors import FmuError, one_line
+from ..files import working_directory_problem
 from ..platforms import folders, machine_of, suffix, this_platform
 from ..terminals import TERMINALS
 from .archive import Archive, shown
@@ -80,9 +80,7 @@ def describe(archive: Archive) -> ModelDescription:
         for problem in _problems(description):
             raise ValueError(problem)
     except UnicodeEncodeError as error:  # lxml asks for the working directory
-        raise FmuError(
-            f"working directory: must have a name in UTF-8, got {os.getcwd()!a}"
-        ) from error
+        raise FmuError(working_directory_problem() or one_line(error)) from error
     except Exception as error:  # FMPy and lxml raise many types, including Exception itself
         reason = one_line(error)
         raise DescriptionError(

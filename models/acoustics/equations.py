@@ -1,4 +1,8 @@
-"""Equations of the Acoustics (the paper's sections 2 and 2.3; the packet loss of section 4)."""
+"""Equations of the Acoustics (the paper's sections 2 and 2.3; the packet loss of section 4).
+
+Echoes and profiles of the speed of sound are in a loop of their own, and so is two-way ranging, so
+that a channel without them costs nothing.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +16,9 @@ import casadi as ca
 from ..equations import Draw, Equations, Loop, Symbols, Values
 from ..geometry import rotation
 from .contents import CONTENTS, Content
+from .propagation import images, leg_length, mean_speed, path_length
 from .range_errors import FOUND
+from .ranging import RANGINGS
 from .schedules import SCHEDULES
 from .variables import COMPONENT
 
@@ -40,24 +46,35 @@ def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
         "ping_platform_attitude": ca.SX.zeros(n, 3),
         "arrival_epoch": ca.repmat(t, n, 1),
         "slot": ca.vertcat(*slots),
+        "loss_chance": ca.repmat(p.loss_probability, n, 1),
+        "loss_after": ca.vertcat(*_loss_after(p)),
         "turn": -1,
         "waiting": 0,
+        "sounding": 0,
         "unwritten": 0,
+        "asking": 0,
+        "turnaround_error": p.turnaround_bias_std * w.turnaround_bias,
+        "request_chance": ca.repmat(p.loss_probability, n, 1),
+        "answer_chance": ca.repmat(p.loss_probability, n, 1),
+        "asked_position": ca.SX.zeros(n, 3),
+        "asked_epoch": t,
     }
 
 
-def _path_length(p: Symbols, u: Symbols, beacon: Any) -> Any:
-    """Acoustic path length [m], from the ping of a beacon to its arrival.
+def _loss_after(p: Symbols) -> tuple[Any, Any]:
+    """Probability that a packet is lost after one that was received, and after one that was lost.
 
-    The travel time solves ``|x + v tau - s| = c tau`` exactly, with x and v at the ping (section
-    2.3). It exists as long as the diver is slower than sound.
+    E. N. Gilbert, Capacity of a burst-noise channel, Bell Syst. Tech. J. 39, 1960, 1253-1265, with
+    all packets lost in the bad state and none in the good one. The share ``loss_probability`` of
+    all packets is lost, and ``loss_burst_length`` in a row on average.
     """
-    offset = u.target_position - beacon
-    c = p.sound_speed
-    c2_v2 = ca.fmax(c**2 - ca.sumsqr(u.target_velocity), 1e-9 * c**2)
-    along = ca.dot(offset, u.target_velocity)
-    tau = (along + ca.sqrt(along**2 + c2_v2 * ca.sumsqr(offset))) / c2_v2
-    return ca.if_else(p.motion_during_travel, c * tau, ca.sqrt(ca.sumsqr(offset)))
+    chance, burst = p.loss_probability, p.loss_burst_length
+    bursts = burst > 0
+    length = ca.fmax(ca.if_else(bursts, burst, 1), 1)
+    there = ca.if_else(chance < 1, 1 - chance, 1)
+    begins = ca.fmin(ca.if_else(chance < 1, chance / (length * there), 1), 1)
+    continues = ca.if_else(chance < 1, 1 - 1 / length, 1)
+    return ca.if_else(bursts, begins, chance), ca.if_else(bursts, continues, chance)
 
 
 _DRAWS = (
@@ -77,6 +94,26 @@ _PACKET = "packet"
 _DRAWS_OF_OTHERS = tuple(
     replace(draw, occasion=_OTHERS) for draw in _DRAWS if draw.occasion == "tick"
 )
+_CHANNEL = "channel"
+"""The loop over the beacons that have just pinged, for echoes and profiles."""
+_DRAWS_OF_CHANNEL = (
+    *(replace(draw, occasion=_CHANNEL)
+      for draw in _DRAWS if draw.occasion == "tick" and draw.name != "loss"),
+    *(Draw(f"{mirror}_echo", "uniform", _CHANNEL, 1, (f"{mirror}_echo_probability",))
+      for mirror in ("surface", "bottom")),
+)
+_ROUND_TRIP = "round_trip"
+"""The loop over the beacons that have just been asked."""
+_LEGS = ("request", "answer")
+_DRAWS_OF_ROUND_TRIP = (
+    Draw("turnaround_bias", "normal", "initial", 1, ("turnaround_bias_std",)),
+    Draw("turnaround", "normal", _ROUND_TRIP, 1, ("turnaround_std",)),
+    *(Draw(f"{leg}_loss", "uniform", _ROUND_TRIP, 1, ("loss_probability",)) for leg in _LEGS),
+    *(Draw(f"{leg}_{mirror}_echo", "uniform", _ROUND_TRIP, 1, (f"{mirror}_echo_probability",))
+      for leg in _LEGS for mirror in ("surface", "bottom")),
+    *(replace(draw, occasion=_ROUND_TRIP)
+      for draw in _DRAWS if draw.occasion == "tick" and draw.name != "loss"),
+)
 
 
 def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Values:
@@ -89,11 +126,22 @@ def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Val
         (p.schedule == it.number) * (it.together(p.beacons) - 1)
         for it in SCHEDULES.values() if it.together(p.beacons) > 1
     )
+    asked = _asked(p)
+    sounding = (
+        (p.surface_echo_probability + p.bottom_echo_probability + p.profile_count > 0)
+        * (1 - asked) * (others + 1)
+    )
     partial = prod(p.packet_content != it.number for it in CONTENTS.values() if it.is_everything)
     return {
         **_ping(p, x, u, w, t, turn), "turn": turn, "waiting": others,
-        "unwritten": partial + _is_rounded(p) > 0,
+        "sounding": sounding, "unwritten": partial + _is_rounded(p) > 0,
+        "asking": asked * (others + 1),
     }
+
+
+def _asked(p: Symbols) -> Any:
+    """1 if beacons answer requests, else 0."""
+    return sum(p.ranging == it.number for it in RANGINGS.values() if it.legs > 1)
 
 
 def _counted_round(p: Symbols, place: Any) -> Any:
@@ -113,42 +161,206 @@ def _other(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
 
 def _ping(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, turn: Any) -> Values:
     """The packet of the beacon that pings now."""
-    is_turn = [turn == x.slot[i] for i in range(p.beacons)]
-    beacon = sum(
-        ca.if_else(is_turn[i], u.beacon_position[i, :].T, 0) for i in range(p.beacons)
-    )
-    true_range = _path_length(p, u, beacon)
+    is_turn = _is_turn(p, x, turn)
+    true_range = path_length(p, u, _pinging(u, is_turn), p.sound_speed)
+    travel_time = true_range / p.sound_speed
+    chance = sum(ca.if_else(it, x.loss_chance[i], 0) for i, it in enumerate(is_turn))
+    received = w.loss >= chance * _UNIFORMS
+    after = ca.if_else(received, x.loss_after[0], x.loss_after[1])
+    heard = received * (1 - _asked(p))
+    return {
+        **_latched(x, u, t, [heard * it for it in is_turn], {
+            "range": _measured(p, x, w, t, travel_time),
+            "true_range": true_range,
+            "reception_count": x.reception_count + 1,
+            "arrival_epoch": t + travel_time,
+        }),
+        "packet_beacon_position": ca.if_else(
+            heard, u.reported_beacon_position, x.packet_beacon_position
+        ),
+        "loss_chance": ca.vertcat(*(
+            ca.if_else(it, after, x.loss_chance[i]) for i, it in enumerate(is_turn)
+        )),
+    }
+
+
+def _is_turn(p: Symbols, x: Symbols, turn: Any) -> list[Any]:
+    """Whether it is each beacon's turn."""
+    return [turn == x.slot[i] for i in range(p.beacons)]
+
+
+def _pinging(u: Symbols, is_turn: list[Any]) -> Any:
+    """True position of the beacon whose turn it is, NED [m]."""
+    return _row(u.beacon_position, is_turn)
+
+
+def _row(rows: Any, is_turn: list[Any]) -> Any:
+    """The row of the beacon whose turn it is, as a column."""
+    return sum(ca.if_else(it, rows[i, :].T, 0) for i, it in enumerate(is_turn))
+
+
+def _measured(p: Symbols, x: Symbols, w: Symbols, t: Any, travel_time: Any) -> Any:
+    """The range that the receiver forms [m], with the errors of its clock and of the range."""
     delay = (
         x.clock_offset + x.clock_drift * (t - x.start)
         + p.processing_delay - p.processing_delay_correction
     )
-    travel_time = true_range / p.sound_speed
     measured = p.assumed_sound_speed * (travel_time + delay)
     for it in FOUND.values():
         measured = measured + it.error(p, w)
-    received = w.loss >= p.loss_probability * _UNIFORMS
+    return measured
 
-    def latch(new: Any, old: Any) -> Any:
-        """Replace the row of the pinging beacon if its packet was received."""
+
+def _latched(x: Symbols, u: Symbols, t: Any, new: list[Any], values: Values) -> dict[str, Any]:
+    """Replace the rows of the beacons whose packets were received just now."""
+
+    def latch(value: Any, old: Any) -> Any:
         return ca.vertcat(*(
-            ca.if_else(received * is_turn[i], new[i, :] if new.shape == old.shape else new,
-                       old[i, :])
-            for i in range(p.beacons)
+            ca.if_else(it, value[i, :] if value.shape == old.shape else value, old[i, :])
+            for i, it in enumerate(new)
         ))
 
-    return {
-        "range": latch(measured, x.range),
-        "true_range": latch(true_range, x.true_range),
-        "range_epoch": latch(t, x.range_epoch),
-        "reception_count": latch(x.reception_count + 1, x.reception_count),
-        "ping_beacon_position": latch(u.reported_beacon_position, x.ping_beacon_position),
-        "packet_beacon_position": ca.if_else(
-            received, u.reported_beacon_position, x.packet_beacon_position
-        ),
-        "ping_platform_position": latch(u.reported_position.T, x.ping_platform_position),
-        "ping_platform_attitude": latch(u.reported_attitude.T, x.ping_platform_attitude),
-        "arrival_epoch": latch(t + travel_time, x.arrival_epoch),
+    values = {
+        **values,
+        "range_epoch": t,
+        "ping_beacon_position": u.reported_beacon_position,
+        "ping_platform_position": u.reported_position.T,
+        "ping_platform_attitude": u.reported_attitude.T,
     }
+    return {name: latch(ca.SX(value), getattr(x, name)) for name, value in values.items()}
+
+
+def _sound(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
+    """Echo and profile for one of the beacons that have pinged, the last one first.
+
+    If its packet has arrived, the speed of sound along its path replaces the constant one. If not,
+    the earliest of its echoes may arrive.
+    """
+    is_turn = _is_turn(p, x, x.turn)
+    beacon = _pinging(u, is_turn)
+    heard = sum(it * (x.range_epoch[i] == t) for i, it in enumerate(is_turn)) > 0
+    z, diver, bottom = beacon[2], u.target_position[2], p.water_depth
+    speed = mean_speed(p, (z, diver))
+    direct = path_length(p, u, beacon, speed)
+    time = direct / speed
+    chances = (p.surface_echo_probability, ca.if_else(bottom > 0, p.bottom_echo_probability, 0))
+    spans = (((0, z), (0, diver)), ((z, bottom), (diver, bottom)))
+    drawn = (w.surface_echo, w.bottom_echo)
+    arrives = [w < chance * _UNIFORMS for w, chance in zip(drawn, chances, strict=True)]
+    echoes = []
+    for image, depths, there in zip(images(p, beacon), spans, arrives, strict=True):
+        along = mean_speed(p, *depths)
+        # A beacon lifted out of the water by a wave has no image: its echo counts as direct.
+        late = ca.fmax(path_length(p, u, image, along) / along, time)
+        echoes.append(ca.if_else(there, late, _NEVER))
+    earliest = ca.fmin(*echoes)
+    travel_time = ca.if_else(heard, time, earliest)
+    new = [it * (heard + (earliest < _NEVER) > 0) for it in is_turn]
+    # The noise of a packet that has arrived is in its range; that of an echo is drawn here.
+    corrected = x.range + p.assumed_sound_speed * (time - x.true_range / p.sound_speed)
+    echo = ca.repmat(_measured(p, x, w, t, travel_time), p.beacons, 1)
+    return {
+        **_latched(x, u, t, new, {
+            "range": ca.if_else(heard, corrected, echo),
+            "true_range": direct,
+            "reception_count": x.reception_count + 1 - heard,
+            "arrival_epoch": t + travel_time,
+        }),
+        "packet_beacon_position": ca.if_else(
+            sum(new) > 0, u.reported_beacon_position, x.packet_beacon_position
+        ),
+        "turn": ca.if_else(x.turn > 0, x.turn - 1, p.beacons - 1),
+        "sounding": x.sounding - 1,
+    }
+
+
+_NEVER = 1e9
+"""Travel time [s] of an echo that does not arrive."""
+
+
+def _round_trip(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
+    """Request and answer of one of the beacons that have been asked, the last one first.
+
+    The tick is in the middle of the turn-around. The request comes to the beacon half of it before,
+    the answer leaves half of it after. Diver and beacon move at constant velocities, the beacon at
+    that of the last slot.
+    """
+    is_turn = _is_turn(p, x, x.turn)
+    beacon = _pinging(u, is_turn)
+    slot = t - x.asked_epoch
+    known = (x.asked_epoch > x.start) * (slot > 0)
+    moved = (beacon - _row(x.asked_position, is_turn)) / ca.if_else(known, slot, 1)
+    drift = ca.if_else(known, moved, 0) * p.motion_during_travel
+    half = p.turnaround / 2
+    lengths, times, arrived, chances = [], [], [], {}
+    for leg, sign in zip(_LEGS, (-1, 1), strict=True):
+        velocity = sign * u.target_velocity * p.motion_during_travel
+        direct, time, echo = _leg(
+            p, u.target_position + velocity * half, velocity, beacon + sign * drift * half,
+            [getattr(w, f"{leg}_{mirror}_echo") for mirror in ("surface", "bottom")],
+        )
+        chance = getattr(x, f"{leg}_chance")
+        heard = getattr(w, f"{leg}_loss") >= _UNIFORMS * sum(
+            ca.if_else(it, chance[i], 0) for i, it in enumerate(is_turn)
+        )
+        after = ca.if_else(heard, x.loss_after[0], x.loss_after[1])
+        chances[f"{leg}_chance"] = ca.vertcat(*(
+            ca.if_else(it, after, chance[i]) for i, it in enumerate(is_turn)
+        ))
+        lengths.append(direct)
+        times.append(ca.if_else(heard, time, echo))
+        arrived.append(heard + (echo < _NEVER) > 0)
+    new = [it * arrived[0] * arrived[1] for it in is_turn]
+    late = (
+        x.turnaround_error + p.turnaround_std * w.turnaround
+        + p.processing_delay - p.processing_delay_correction
+    )
+    measured = p.assumed_sound_speed * ((times[0] + times[1] + late) / 2)
+    for it in FOUND.values():
+        measured = measured + it.error(p, w)
+    return {
+        **_latched(x, u, t, new, {
+            "range": ca.repmat(measured, p.beacons, 1),
+            "true_range": (lengths[0] + lengths[1]) / 2,
+            "reception_count": x.reception_count + 1,
+            "arrival_epoch": t + half + times[1],
+        }),
+        **chances,
+        "packet_beacon_position": ca.if_else(
+            sum(new) > 0, u.reported_beacon_position, x.packet_beacon_position
+        ),
+        "asked_position": ca.if_else(x.asking > 1, x.asked_position, u.beacon_position),
+        "asked_epoch": ca.if_else(x.asking > 1, x.asked_epoch, t),
+        "turn": ca.if_else(x.turn > 0, x.turn - 1, p.beacons - 1),
+        "asking": x.asking - 1,
+    }
+
+
+def _leg(p: Symbols, diver: Any, velocity: Any, beacon: Any, drawn: list[Any]
+         ) -> tuple[Any, Any, Any]:
+    """Length of the direct path [m], its travel time, and that of the earliest echo [s].
+
+    Parameters
+    ----------
+    diver, beacon
+        Positions when the sound is at the beacon, NED [m].
+    velocity
+        That of the diver, in the direction of the sound's time, NED [m/s].
+    drawn
+        Uniform numbers for the echoes from surface and bottom.
+    """
+    z, depth, bottom = beacon[2], diver[2], p.water_depth
+    speed = mean_speed(p, (z, depth))
+    direct = leg_length(p, diver - beacon, velocity, speed)
+    time = direct / speed
+    chances = (p.surface_echo_probability, ca.if_else(bottom > 0, p.bottom_echo_probability, 0))
+    spans = (((0, z), (0, depth)), ((z, bottom), (depth, bottom)))
+    echoes = []
+    for image, depths, w, chance in zip(images(p, beacon), spans, drawn, chances, strict=True):
+        along = mean_speed(p, *depths)
+        late = ca.fmax(leg_length(p, diver - image, velocity, along) / along, time)
+        echoes.append(ca.if_else(w < chance * _UNIFORMS, late, _NEVER))
+    return direct, time, ca.fmin(*echoes)
 
 
 def _is_rounded(p: Symbols) -> Any:
@@ -216,7 +428,9 @@ EQUATIONS = Equations(
     output=_output,
     iterate=(
         Loop(_OTHERS, lambda p, x, u, t: x.waiting, _other),
+        Loop(_CHANNEL, lambda p, x, u, t: x.sounding, _sound),
+        Loop(_ROUND_TRIP, lambda p, x, u, t: x.asking, _round_trip),
         Loop(_PACKET, lambda p, x, u, t: x.unwritten, _written),
     ),
-    draws=(*_DRAWS, *_DRAWS_OF_OTHERS),
+    draws=(*_DRAWS, *_DRAWS_OF_OTHERS, *_DRAWS_OF_CHANNEL, *_DRAWS_OF_ROUND_TRIP),
 )

@@ -1,4 +1,4 @@
-"""Declaration of the Acoustics: a one-way channel from the beacons to the diver."""
+"""Declaration of the Acoustics: the channel between beacons and diver, one-way or two-way."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from itertools import chain, product
 from ..declaration import (
     Component,
     Condition,
+    Variable,
     choice,
     is_one_of,
     noise_keys,
@@ -31,15 +32,59 @@ from ..ports import (
 )
 from .contents import CONTENTS, PACKET_CONTENT, POSED
 from .range_errors import FOUND
+from .ranging import RANGING, RANGINGS
 from .schedules import ORDERED, SCHEDULE, SCHEDULES
 
 _CLOCK = ("clock_offset_std", "clock_drift_std")
+_TURNAROUND = ("turnaround_std", "turnaround_bias_std")
+_ONE_WAY = (is_one_of("ranging", RANGING, "one_way"),)
+_TWO_WAY = (is_one_of("ranging", RANGING, "two_way"),)
 
 
 def _random() -> Iterator[tuple[Condition, ...]]:
     """Requirements for anything to be random; in each group, at least one condition must hold."""
+    clock, turnaround = (not_zero(*_CLOCK), _ONE_WAY), (not_zero(*_TURNAROUND), _TWO_WAY)
     for first, *rest in product(*(it.random for it in FOUND.values() if it.random)):
-        yield not_zero(*first, "loss_probability", *_CLOCK, *chain(*rest))
+        for one, other in product(clock, turnaround):
+            if (one, other) != (_ONE_WAY, _TWO_WAY):  # one of these always holds
+                yield (
+                    *not_zero(*first, "loss_probability"), *one, *other, *not_zero(*chain(*rest))
+                )
+
+
+PROFILE = 8
+"""Largest number of points of a profile of the speed of sound."""
+CHANNEL = (
+    parameter("loss_burst_length", "Mean number of packets of a beacon that are lost in a row; "
+              "0: each is lost independently of the others", min=0.0, max=1e6,
+              needs=(not_zero("loss_probability"),)),
+    parameter("water_depth", "Depth of the bottom below the mean surface; 0: no bottom", "m",
+              min=0.0, max=12000.0,
+              needs=(not_zero("loss_probability"), not_zero("bottom_echo_probability"))),
+    parameter("surface_echo_probability", "Probability that the echo from the surface arrives "
+              "where the direct path is lost", min=0.0, max=1.0,
+              needs=(not_zero("loss_probability"),)),
+    parameter("bottom_echo_probability", "Probability that the echo from the bottom arrives where "
+              "the direct path is lost", min=0.0, max=1.0,
+              needs=(not_zero("loss_probability"), not_zero("water_depth"))),
+    Variable("profile_count", "Number of points of the profile of the speed of sound; 0: it is the "
+             "same everywhere", "parameter", start=0, min=0, max=PROFILE, type="Int32"),
+    parameter("profile_depth", "Depths of the points, increasing", "m", shape=(PROFILE,),
+              min=0.0, max=12000.0, needs=(not_zero("profile_count"),)),
+    parameter("profile_speed", "True speeds of sound at these depths", "m/s", shape=(PROFILE,),
+              start=1500.0, min=1.0, max=10000.0, needs=(not_zero("profile_count"),)),
+)
+"""Bursts of losses, echoes, and the profile of the speed of sound."""
+TURNAROUND = (
+    choice("ranging", f"Whether {alternatives(it.words for it in RANGINGS.values())}", RANGING, 1),
+    parameter("turnaround", "Time from the end of a request to the start of the answer, as the "
+              "diver knows it", "s", min=0.0, max=100.0, needs=(_TWO_WAY,)),
+    parameter("turnaround_std", "Standard deviation of each answer's error in it", "s", min=0.0,
+              max=1.0, needs=(_TWO_WAY,)),
+    parameter("turnaround_bias_std", "Standard deviation of the error in it that all answers of a "
+              "run share", "s", min=0.0, max=1.0, needs=(_TWO_WAY,)),
+)
+"""The way to range, and the delay of answers."""
 
 
 def _in_turn(shape: tuple[int, ...]) -> tuple[int, ...]:
@@ -49,8 +94,8 @@ def _in_turn(shape: tuple[int, ...]) -> tuple[int, ...]:
 COMPONENT = Component(
     name="Acoustics",
     number=3,
-    description="One-way ranging, one beacon per slot or all at once, with noise, loss, outliers "
-    "and clock errors",
+    description="Ranging, one-way or two-way, one beacon per slot or all at once, with noise, "
+    "loss, outliers and clock errors",
     interval="sampling_time",
     variables=(
         tick_interval("sampling_time", "Time between pings: the slot of the round robin"),
@@ -68,15 +113,17 @@ COMPONENT = Component(
         parameter("loss_probability", "Probability that a packet is lost", start=0.0, min=0.0,
                   max=1.0),
         *FOUND["outliers"].parameters,
-        parameter("clock_offset", "Receiver's clock minus the beacons' clock at the start", "s"),
+        parameter("clock_offset", "Receiver's clock minus the beacons' clock at the start", "s",
+                  needs=(_ONE_WAY,)),
         parameter("clock_offset_std", "Standard deviation of the offset that each run adds to it",
-                  "s", min=0.0),
-        parameter("clock_drift", "Drift of the receiver's clock", "s/s", min=-0.1, max=0.1),
+                  "s", min=0.0, needs=(_ONE_WAY,)),
+        parameter("clock_drift", "Drift of the receiver's clock", "s/s", min=-0.1, max=0.1,
+                  needs=(_ONE_WAY,)),
         parameter("clock_drift_std", "Standard deviation of the drift that each run adds", "s/s",
-                  min=0.0),
+                  min=0.0, needs=(_ONE_WAY,)),
         parameter("clock_sync_age", "Time between the last synchronisation of the clocks and "
                   "the start; they drift during it", "s", min=0.0,
-                  needs=(not_zero("clock_drift", "clock_drift_std"),)),
+                  needs=(not_zero("clock_drift", "clock_drift_std"), _ONE_WAY)),
         parameter("processing_delay", "Time the receiver takes before it stamps an arrival", "s",
                   min=0.0, max=1.0),
         parameter("processing_delay_correction", "Delay that the receiver subtracts", "s",
@@ -90,12 +137,14 @@ COMPONENT = Component(
                   needs=((is_one_of("packet_content", PACKET_CONTENT, *POSED),),)),
         *(v for name, it in FOUND.items() if name not in ("noise", "outliers")
           for v in it.parameters),
+        *CHANNEL,
+        *TURNAROUND,
         *ports(MOTION, "input", "target_"),
         *ports(BEACON_POSITIONS, "input"),
         *ports(REPORTED_POSE, "input"),
         *ports(RECEPTION, "output"),
-        output("true_range", "Length of the sound's path for each range", "m", shape=(BEACONS,),
-               variability="discrete"),
+        output("true_range", "Length of the sound's direct path for each range", "m",
+               shape=(BEACONS,), variability="discrete"),
         *ports(PING_POSE, "output"),
     ),
     terminals=(

@@ -71,6 +71,7 @@ def sea_state(beaufort: int) -> Mapping[str, float]:
         "pitch_amplitude": level.angle_amplitude,
         "yaw_amplitude": level.angle_amplitude,
         "heave_amplitude": level.heave_amplitude,
+        "wave_height": level.wave_height,
     }
     if not level.period:
         return amplitudes
@@ -79,6 +80,7 @@ def sea_state(beaufort: int) -> Mapping[str, float]:
         "pitch_frequency": 1.0 / level.period,
         "yaw_frequency": 1.0 / YAW_PERIOD,
         "heave_frequency": 1.0 / level.period,
+        "wave_period": level.period,
     }
 
 

@@ -1,11 +1,16 @@
 """Equations of the Platform: pose in waves, beacons, and both as GPS and IMU report them.
 
+The waves are the paper's sines, or a sea with a spectrum (``seaway.py``) and a mooring
+(``mooring.py``). Everything else is common to both.
+
 White noise and Gauss-Markov errors are held between ticks. Drift, temperature and shock are
 continuous functions of time.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from math import pi
 from typing import Any
 
@@ -16,7 +21,8 @@ from ..declaration import number_of
 from ..equations import Draw, Equations, Loop, Symbols, Values
 from ..geometry import rotation
 from ..ports import BEACONS
-from .variables import ANGLES, ARRANGEMENT, DISPLACEMENTS
+from . import mooring, seaway
+from .variables import ANGLES, ARRANGEMENT, DISPLACEMENTS, MOTION
 
 AXES = (*ANGLES, *DISPLACEMENTS)
 _CROSS = number_of(ARRANGEMENT, "cross")
@@ -38,7 +44,13 @@ DRAWS = (
     Draw("mounting", "normal", "initial", 3, ("mounting_std",) * 3, each=BEACONS),
     Draw("first_own_gps", "normal", "initial", 9, each=BEACONS),
     Draw("own_gps", "normal", "buoys", 6, _scales(*_GPS, "std", "markov_std"), each=BEACONS),
+    *seaway.DRAWS,
+    *mooring.DRAWS,
 )
+
+
+Motion = Callable[[Symbols, Symbols, Any], tuple[Any, Any]]
+"""``motion(p, x, t)``: inclination [rad] and displacement NED [m]."""
 
 
 def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
@@ -61,6 +73,8 @@ def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
         "mounting": p.gps_shared * (
             p.mounting_error + p.mounting_std * ca.reshape(w.mounting, 3, p.beacons).T
         ),
+        **seaway.still(),
+        **mooring.still(),
     }
 
 
@@ -85,12 +99,25 @@ def _buoys(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     }
 
 
-def _output(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Values:
+def _sines(p: Symbols, x: Symbols, t: Any) -> tuple[Any, Any]:
+    """Inclination [rad] and displacement [m] in the paper's waves, one of each axis."""
     waves = [_wave(p, axis, t, x.phase[i]) for i, axis in enumerate(AXES)]
-    inclination = ca.vertcat(*waves[:3])
+    return ca.vertcat(*waves[:3]), ca.vertcat(*waves[3:])
+
+
+def _spectrum(p: Symbols, x: Symbols, t: Any) -> tuple[Any, Any]:
+    """The same in a sea with a spectrum; only the swing about the mooring is a sine."""
+    swing = _wave(p, "yaw", t, x.phase[AXES.index("yaw")])
+    tilt, displacement = seaway.motion(x, t, p.mean_heading + swing)
+    drift = ca.vertcat(mooring.place(p, x, t), 0)
+    return ca.vertcat(tilt, swing), displacement + drift
+
+
+def _output(motion: Motion, p: Symbols, x: Symbols, u: Symbols, t: Any) -> Values:
+    inclination, displacement = motion(p, x, t)
     mean_attitude = ca.vertcat(0, 0, p.mean_heading)
     attitude = mean_attitude + inclination
-    position = p.mean_position + ca.vertcat(*waves[3:])
+    position = p.mean_position + displacement
     reported_attitude = mean_attitude + _measured(p, inclination) + _imu_error(p, x, t)
 
     R = rotation(attitude)
@@ -181,10 +208,20 @@ def _imu(p: Symbols, part: str) -> Any:
     return ca.vertcat(tilt, tilt, getattr(p, f"imu_heading_{part}"))
 
 
-EQUATIONS = Equations(
-    _output,
-    _initial,
-    _tick,
-    iterate=(Loop("buoys", lambda p, x, u, t: x.waiting, _buoys),),
-    draws=DRAWS,
-)
+def _spectrum_initial(p: Symbols, w: Symbols, t: Any) -> Values:
+    return {**_initial(p, w, t), **seaway.initial(p, w), **mooring.initial(p, w, t)}
+
+
+def _spectrum_tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Values:
+    return {**_tick(p, x, u, w, t, k), **mooring.tick(p, x, w, t)}
+
+
+_BUOYS = (Loop("buoys", lambda p, x, u, t: x.waiting, _buoys),)
+EQUATIONS = {
+    number_of(MOTION, "sines"): Equations(
+        partial(_output, _sines), _initial, _tick, iterate=_BUOYS, draws=DRAWS
+    ),
+    number_of(MOTION, "spectrum"): Equations(
+        partial(_output, _spectrum), _spectrum_initial, _spectrum_tick, iterate=_BUOYS, draws=DRAWS
+    ),
+}

@@ -9,6 +9,7 @@ from ..arrangement import ARM, DEPTH, usual
 from ..declaration import (
     Component,
     Condition,
+    Needs,
     Variable,
     choice,
     is_one_of,
@@ -20,10 +21,14 @@ from ..declaration import (
     tick_interval,
 )
 from ..ports import BEACON_POSITIONS, BEACONS, BROADCAST, REPORTED_POSE, ports
+from .spectrum import DEVELOPED, LEAST_PERIOD
 
 ANGLES = ("roll", "pitch", "yaw")
 DIRECTIONS = {"surge": "north", "sway": "east", "heave": "down"}
 DISPLACEMENTS = tuple(DIRECTIONS)
+MOTION = {0: "sines", 1: "spectrum"}
+WAVES = 16
+"""Largest number of waves in a spectrum. More would slow down every run, even with sines."""
 ARRANGEMENT = {1: "cross", 2: "given"}
 _CROSS, _GIVEN = ((is_one_of("arrangement", ARRANGEMENT, name),) for name in ARRANGEMENT.values())
 
@@ -41,10 +46,23 @@ _REDRAWN = (*_any("gps", _GPS_AXES, "std", "markov_std"),
 _DRAWN = (*_REDRAWN, *_any("gps", _GPS_AXES, "bias_std"), *_any("imu", _IMU_AXES, "turn_on_std"),
           *not_zero("mounting_std"))
 _WAVES = not_zero(*(f"{axis}_amplitude" for axis in (*ANGLES, *DISPLACEMENTS)))
+_SINES, _SPECTRUM = ((is_one_of("motion", MOTION, name),) for name in MOTION.values())
+_SEA = not_zero("wave_height")
+_MOORED = not_zero("watch_circle")
+_SWINGS = not_zero("yaw_amplitude")
+_RANDOM_PHASES = (Condition("random_phases", (1,)),)
+_RANDOM = (
+    # Sensors, or phases of sines that move something, or a spectrum with waves or a mooring.
+    (*_DRAWN, *_RANDOM_PHASES, *_SPECTRUM),
+    (*_DRAWN, *_RANDOM_PHASES, *_SEA, *_MOORED),
+    (*_DRAWN, *_WAVES, *_SPECTRUM),
+    (*_DRAWN, *_WAVES, *_SEA, *_MOORED),
+    (*_DRAWN, *_SINES, *_SWINGS, *_SEA, *_MOORED),
+)
 _SHARED = (Condition("gps_shared", (1,)),)
 _WARM = not_zero("imu_temperature_offset", "imu_temperature_rate")
-_INCLINED = {"tilt": not_zero("roll_amplitude", "pitch_amplitude"),
-             "heading": not_zero("yaw_amplitude")}
+_TILTED = ((*not_zero("roll_amplitude", "pitch_amplitude"), *_SPECTRUM), (*_SINES, *_SEA))
+_INCLINED = {"tilt": _TILTED, "heading": (_SWINGS,)}
 
 
 def _motion_name(axis: str) -> str:
@@ -53,31 +71,60 @@ def _motion_name(axis: str) -> str:
 
 def _waves() -> tuple[Variable, ...]:
     """Amplitude, frequency and phase of each axis in the paper's wave equation (section 4)."""
-    return tuple(
-        variable
-        for axis in (*ANGLES, *DISPLACEMENTS)
-        for variable in (
+    variables: list[Variable] = []
+    for axis in (*ANGLES, *DISPLACEMENTS):
+        # The swing about the mooring is a sine in every sea.
+        moves = () if axis == "yaw" else (_SINES,)
+        wave = (*moves, not_zero(f"{axis}_amplitude"))
+        variables += (
             parameter(f"{axis}_amplitude", f"Amplitude of {_motion_name(axis)}",
                       "rad" if axis in ANGLES else "m", min=0.0,
-                      max=pi / 2 if axis in ANGLES else 1000.0),
+                      max=pi / 2 if axis in ANGLES else 1000.0, needs=moves),
             parameter(f"{axis}_frequency", f"Frequency of {axis}", "Hz", start=0.25, min=0.0,
-                      max=100.0, needs=(not_zero(f"{axis}_amplitude"),)),
+                      max=100.0, needs=wave),
             parameter(f"{axis}_phase", f"Phase of {axis} at time 0, if phases are not random",
                       "rad", min=-2 * pi, max=2 * pi,
-                      needs=(not_zero(f"{axis}_amplitude"), (Condition("random_phases", (0,)),))),
+                      needs=(*wave, (Condition("random_phases", (0,)),))),
         )
+    return tuple(variables)
+
+
+def _sea() -> tuple[Variable, ...]:
+    """A sea with a spectrum, the body that floats in it, and its mooring."""
+    wavy = (_SPECTRUM, _SEA)
+    return (
+        parameter("wave_height", "Significant height of the waves", "m", min=0.0, max=30.0,
+                  needs=(_SPECTRUM,)),
+        parameter("wave_period", "Peak period of the waves", "s", start=DEVELOPED,
+                  min=LEAST_PERIOD, max=60.0, named={"developed": DEVELOPED}, needs=wavy),
+        parameter("wave_peak_enhancement", "Peak enhancement of the JONSWAP spectrum; 1: that of "
+                  "Pierson and Moskowitz", start=1.0, min=1.0, max=7.0, needs=wavy),
+        parameter("wave_direction", "Mean direction in which the waves run, clockwise from north",
+                  "rad", min=-2 * pi, max=2 * pi, needs=wavy),
+        parameter("wave_spreading", "Standard deviation of the waves' directions; 0: "
+                  "long-crested", "rad", min=0.0, max=pi, needs=wavy),
+        parameter("wave_components", "Number of waves", start=WAVES, min=1, max=WAVES,
+                  type="Int32", needs=wavy),
+        parameter("raft_size", "Length and width of the body that follows the waves", "m",
+                  start=1.6, min=0.1, max=100.0, needs=wavy),
+        parameter("raft_draught", "Its depth, at which the waves are weaker than above", "m",
+                  start=0.1, min=0.0, max=20.0, needs=wavy),
+        parameter("watch_circle", "Radius that a moored platform stays in for 95 % of the time; "
+                  "0: it does not drift", "m", min=0.0, max=1000.0, needs=(_SPECTRUM,)),
+        parameter("mooring_time", "Time in which the mooring pulls the platform back", "s",
+                  start=30.0, min=0.1, max=1e5, needs=(_SPECTRUM, _MOORED)),
     )
 
 
 def _imu(
     part: str, unit: str | None, description: str, signed: bool,
-    needs: Mapping[str, tuple[Condition, ...]] | None = None,
+    needs: Mapping[str, Needs] | None = None,
 ) -> tuple[Variable, ...]:
     """One part of the IMU error, for tilt (roll and pitch alike) and for heading."""
     return tuple(
         parameter(f"imu_{angle}_{part}", f"{description}, {what}", unit,
                   min=None if signed else 0.0,
-                  needs=(_SHARED, *((needs[angle],) if needs else ())))
+                  needs=(_SHARED, *(needs[angle] if needs else ())))
         for angle, what in (("tilt", "of roll and of pitch"), ("heading", "of yaw"))
     )
 
@@ -95,10 +142,11 @@ COMPONENT = Component(
     number=2,
     description="A moored platform in waves; broadcasts its beacons' positions from GPS and IMU",
     interval="sampling_time",
+    variant="motion",
     variables=(
         tick_interval("sampling_time", "Time between draws of the GPS and IMU errors",
-                      needs=(_REDRAWN,)),
-        *noise_keys((*_DRAWN, Condition("random_phases", (1,))), (*_DRAWN, *_WAVES)),
+                      needs=((*_REDRAWN, *_SPECTRUM), (*_REDRAWN, *_MOORED))),
+        *noise_keys(*_RANDOM),
         parameter("mean_position", "Mean position of the reference point, NED", "m", shape=(3,)),
         parameter("mean_heading", "Mean yaw", "rad", min=-2 * pi, max=2 * pi),
         choice("arrangement", "Where the beacons are: at the ends of a cross with equal arms, the "
@@ -111,9 +159,12 @@ COMPONENT = Component(
                   "m", shape=(BEACONS, 3), start=usual, min=-1e4, max=1e4, needs=(_GIVEN,)),
         parameter("beacon_scale", "Factor on all horizontal offsets of the beacons", start=1.0,
                   min=0.001, max=1000.0),
-        switch("random_phases", "Whether the phases of all waves are drawn from the seed", True,
-               needs=(_WAVES,)),
+        choice("motion", "The platform's motion: the paper's sines, or a sea with a spectrum",
+               MOTION, 0),
+        switch("random_phases", "Whether the phases of all sines are drawn from the seed", True,
+               needs=(_WAVES, (*_SINES, *_SWINGS))),
         *_waves(),
+        *_sea(),
         parameter("mounting_error", "Installation error of each beacon, body frame; unknown to the "
                   "platform", "m", shape=(BEACONS, 3), needs=(_SHARED,)),
         parameter("mounting_std", "Standard deviation of the error that each run adds to it, per "
@@ -139,7 +190,7 @@ COMPONENT = Component(
                   start=100.0, min=0.001, needs=(_SHARED, _any("imu", _IMU_AXES, "markov_std"))),
         *_imu("drift", "rad/s", "IMU: in-run linear drift", True),
         *_imu("temperature_coefficient", "rad/K", "IMU: error per kelvin", True,
-              dict.fromkeys(_IMU_AXES, _WARM)),
+              dict.fromkeys(_IMU_AXES, (_WARM,))),
         parameter("imu_temperature_offset", "Temperature at the start minus that of calibration",
                   "K", needs=(_SHARED, _any("imu", _IMU_AXES, "temperature_coefficient"))),
         parameter("imu_temperature_rate", "Rate of change of the temperature", "K/s",
@@ -150,7 +201,8 @@ COMPONENT = Component(
         *_imu("scale_factor_error", None, "IMU: scale factor error", True, _INCLINED),
         parameter("imu_misalignment", "IMU: rotation of the sensor axes about the body axes; "
                   "couples roll, pitch and yaw", "rad", shape=(3,), min=-pi / 4, max=pi / 4,
-                  needs=(_SHARED, not_zero(*(f"{axis}_amplitude" for axis in ANGLES)))),
+                  needs=(_SHARED, (*not_zero(*(f"{axis}_amplitude" for axis in ANGLES)),
+                                   *_SPECTRUM), (*_SINES, *_SWINGS, *_SEA))),
         output("position", "True position of the reference point, NED", "m", shape=(3,)),
         output("attitude", "True roll, pitch, yaw", "rad", shape=(3,)),
         *ports(BEACON_POSITIONS, "output"),

@@ -1,7 +1,8 @@
 """The raw fix: least squares on the latest ranges and depth, the paper's j = 1 of Table 2.
 
 Between passes, ``position`` is the best so far, with its ``information`` and cost (``nis``);
-``step`` is what the next pass tries. Nearly all passes are Newton's. The others (``other``) have a
+``step`` is what the next pass tries. ``certainty`` is the weight of a range and that of the depth,
+divided once and not in each pass. Nearly all passes are Newton's. The others (``other``) have a
 loop of their own: only they need derivatives along their step or at its start.
 """
 
@@ -15,7 +16,7 @@ import casadi as ca
 from ..equations import Equations, Loop, Symbols, Values
 from . import estimate, least_squares, measurements, minimum
 from .estimate import expand, expand_covariance, pack, unpack
-from .measurements import noise, samples
+from .measurements import DEPTH, Samples, noise, samples
 
 
 def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
@@ -25,6 +26,7 @@ def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
         "position": ca.SX.zeros(3),
         "information": ca.SX.zeros(6),
         "step": ca.SX.zeros(3),
+        "certainty": least_squares.reciprocal(noise(p))[[0, DEPTH]],
         "passes": 0,
         "damping": 0,
         "other": 0,
@@ -34,7 +36,7 @@ def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
 def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Values:
     s = samples(p, x, u)
     update = s.any_new * s.enough
-    weight = least_squares.weights(s, noise(p))
+    weight = _weights(x, s)
     first = minimum.point(least_squares.closed_form(s), s, weight)
     last = minimum.point(x.position, s, weight)
     best = minimum.choose((x.update_count > 0) * (last.cost < first.cost), last, first)
@@ -90,12 +92,17 @@ _LESS, _MORE = 0.01, 100
 """Factors on the damping after a pass that reduced the cost, and after one that did not."""
 
 
+def _weights(x: Symbols, s: Samples) -> Any:
+    """As `least_squares.weights`, of the same bits."""
+    return s.heard * ca.vertcat(ca.repmat(x.certainty[0], s.count, 1), x.certainty[1])
+
+
 def _at(
     p: Symbols, x: Symbols, u: Symbols, position: Any
 ) -> tuple[minimum.Point, minimum.Tangent]:
     """How the measurements fit a position."""
     s = samples(p, x, u)
-    weight = least_squares.weights(s, noise(p))
+    weight = _weights(x, s)
     point = minimum.point(position, s, weight)
     return point, minimum.tangent(point, s, weight)
 

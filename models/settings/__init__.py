@@ -14,6 +14,8 @@ symbols. Missing keys and components of other authors are handled by the scenari
     Elementary functions of numbers or symbols.
 ``keys``
     Units, bounds and starts: from keys to the parameters of the FMUs.
+``motion``
+    How the platform moves.
 ``packets``
     What packets hold, and how exactly.
 ``parameters``

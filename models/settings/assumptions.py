@@ -10,12 +10,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..acoustics.contents import PLACED
+from ..acoustics.ranging import legs
 from ..acoustics.schedules import SCHEDULES
 from ..receiver.variables import SLOWEST_TILT
 from ..symbols import absolute
 from .beacons import beacons_of
 from .either import both, clipped, degrees, greatest, hypot, ratio, sqrt, symbolic, where
 from .keys import OF_RECEIVERS, start_of, within
+from .motion import is_sine, of_mooring, of_sines, of_waves
 from .packets import pose_source
 
 _ROOT_2, _ROOT_12 = math.sqrt(2), math.sqrt(12)
@@ -29,6 +31,11 @@ _MOUNTING_MEMORY = 10.0
 this time [s]. Measured: see ``models/receiver/README.md``."""
 _PACKET = ("acoustics.packet_content", "acoustics.packet_resolution_m")
 _ANGLES = (*_PACKET, "acoustics.packet_angle_resolution_deg")
+_WAVES = (
+    "platform.motion", "platform.wave_height_m", "platform.wave_period_s",
+    "platform.wave_peak_enhancement", "platform.raft_size_m", "platform.raft_draught_m",
+)
+_MOORING = ("platform.watch_circle_m", "platform.mooring_time_s")
 
 SOURCES: Mapping[str, Sequence[str]] = {
     "beacon_offset_m": (
@@ -52,23 +59,26 @@ SOURCES: Mapping[str, Sequence[str]] = {
     "platform_velocity_std_m_s": (
         "platform.surge_amplitude_m", "platform.surge_frequency_Hz", "platform.sway_amplitude_m",
         "platform.sway_frequency_Hz",
+        *_WAVES, *_MOORING,
     ),
     "platform_velocity_time_s": (
         "platform.surge_amplitude_m", "platform.surge_frequency_Hz", "platform.sway_amplitude_m",
         "platform.sway_frequency_Hz",
+        *_WAVES, *_MOORING,
     ),
     "heading_rate_std_deg_s": ("platform.yaw_amplitude_deg", "platform.yaw_frequency_Hz"),
     "heading_rate_time_s": ("platform.yaw_amplitude_deg", "platform.yaw_frequency_Hz"),
     "heave_std_m": (
-        "platform.heave_amplitude_m", "platform.mean_position_m",
+        "platform.heave_amplitude_m", "platform.mean_position_m", *_WAVES,
     ),
     "heave_time_s": (
         "platform.heave_amplitude_m", "platform.heave_frequency_Hz", "platform.mean_position_m",
+        *_WAVES,
     ),
-    "tilt_std_deg": ("platform.roll_amplitude_deg", "platform.pitch_amplitude_deg"),
+    "tilt_std_deg": ("platform.roll_amplitude_deg", "platform.pitch_amplitude_deg", *_WAVES),
     "tilt_time_s": (
         "platform.roll_amplitude_deg", "platform.roll_frequency_Hz",
-        "platform.pitch_amplitude_deg", "platform.pitch_frequency_Hz",
+        "platform.pitch_amplitude_deg", "platform.pitch_frequency_Hz", *_WAVES,
     ),
     "imu_heading_std_deg": ("platform.imu_heading_std_deg", *_ANGLES),
     "imu_heading_error_std_deg": (
@@ -84,18 +94,23 @@ SOURCES: Mapping[str, Sequence[str]] = {
         "platform.imu_tilt_std_deg", "platform.imu_tilt_bias_deg",
         "platform.imu_tilt_turn_on_std_deg", "platform.imu_tilt_markov_std_deg", *_ANGLES,
     ),
-    "outlier_probability": ("acoustics.outlier_probability", "acoustics.outlier_mean_m"),
+    "outlier_probability": (
+        "acoustics.outlier_probability", "acoustics.outlier_mean_m", "acoustics.loss_probability",
+        "acoustics.surface_echo_probability", "acoustics.bottom_echo_probability",
+        "acoustics.water_depth_m", "acoustics.ranging",
+    ),
     "outlier_mean_m": ("acoustics.outlier_mean_m", "acoustics.outlier_probability"),
     "assumed_sound_speed_m_s": ("acoustics.assumed_sound_speed_m_s",),
     "clock_std_m": (
         "acoustics.clock_offset_s", "acoustics.clock_offset_std_s", "acoustics.clock_drift_s_s",
         "acoustics.clock_drift_std_s_s", "acoustics.clock_sync_age_s",
         "acoustics.processing_delay_s", "acoustics.processing_delay_correction_s",
-        "acoustics.assumed_sound_speed_m_s",
+        "acoustics.assumed_sound_speed_m_s", "acoustics.ranging",
+        "acoustics.turnaround_bias_std_s",
     ),
     "clock_walk_psd_m2_s": (
         "acoustics.clock_drift_s_s", "acoustics.clock_drift_std_s_s",
-        "acoustics.assumed_sound_speed_m_s",
+        "acoustics.assumed_sound_speed_m_s", "acoustics.ranging",
     ),
     "sound_speed_std": ("acoustics.sound_speed_m_s", "acoustics.assumed_sound_speed_m_s"),
     "depth_bias_std_m": ("target.depth_bias_m", "target.depth_bias_std_m"),
@@ -140,7 +155,6 @@ def assumed(
     source
         The receiver's ``pose_source``, if the scenario sets it.
     """
-    roll, pitch = (platform.roll_amplitude_deg, platform.pitch_amplitude_deg)
     speed = acoustics.assumed_sound_speed_m_s
     outliers = both(acoustics.outlier_probability > 0, acoustics.outlier_mean_m > 0)
     n, e, _ = platform.gps_antenna_offset_m
@@ -156,12 +170,10 @@ def assumed(
         "gps_bias_std_m": hypot(platform.gps_horizontal_bias_std_m, n / _ROOT_2, e / _ROOT_2),
         "gps_vertical_std_m": _with(place, platform.gps_vertical_std_m),
         **_vertical_error(platform),
-        **_motion(platform, ("surge", "sway"), "platform_velocity_std_m_s",
-                  "platform_velocity_time_s"),
+        **_velocity(platform),
         **_motion(platform, ("yaw",), "heading_rate_std_deg_s", "heading_rate_time_s"),
         **_heave(platform),
-        "tilt_std_deg": hypot(roll, pitch) / 2,
-        "tilt_time_s": clipped(_memory(*_squares(platform, ("roll", "pitch"))), 0.01, SLOWEST_TILT),
+        **_tilt(platform),
         "imu_heading_std_deg": _with(turn, platform.imu_heading_std_deg),
         **_heading_error(platform),
         "imu_tilt_std_deg": _with(
@@ -169,7 +181,8 @@ def assumed(
             platform.imu_tilt_turn_on_std_deg, platform.imu_tilt_markov_std_deg,
         ),
         "outlier_probability": greatest(
-            where(outliers, acoustics.outlier_probability, 0.0), _LEAST_OUTLIER_PROBABILITY
+            _late(where(outliers, acoustics.outlier_probability, 0.0), acoustics),
+            _LEAST_OUTLIER_PROBABILITY,
         ),
         **_known("outlier_mean_m", outliers, acoustics.outlier_mean_m),
         "assumed_sound_speed_m_s": speed,
@@ -198,13 +211,21 @@ def levels(
         Whether the receiver is given the arrangement. If so, misplaced beacons count as range
         noise.
     """
-    noise = acoustics.range_std_m
+    noise = range_noise(acoustics)
     if not estimates_clock:
         noise = hypot(noise, system.get("clock_std_m", 0.0))
     if knows_arrangement:
         noise = hypot(noise, mounting_noise(platform, acoustics))
     told = {"range_std_m": noise, "depth_std_m": target.depth_std_m, **system}
     return {key: within(OF_RECEIVERS[key], value) for key, value in told.items()}
+
+
+def range_noise(acoustics: Any) -> Any:
+    """Standard deviation of a range's white noise [m], with that of answers."""
+    if legs(acoustics.ranging) == 1:
+        return acoustics.range_std_m
+    late = acoustics.assumed_sound_speed_m_s / 2 * acoustics.turnaround_std_s
+    return hypot(acoustics.range_std_m, late)
 
 
 def mounting_noise(platform: Any, acoustics: Any) -> Any:
@@ -240,6 +261,19 @@ def rounding(platform: Any, acoustics: Any, source: str) -> tuple[Any, Any, Any]
     return step / math.sqrt(n), forward, hypot(forward, starboard) / _ROOT_2
 
 
+def _late(outliers: Any, acoustics: Any) -> Any:
+    """Share of ranges that are late: outliers, and echoes where the direct path is lost."""
+    loss, bottom = acoustics.loss_probability, acoustics.bottom_echo_probability
+    none = (1 - acoustics.surface_echo_probability) * (
+        1 - where(acoustics.water_depth_m > 0, bottom, 0.0)
+    )
+    echoes = loss * (1 - none)
+    received = 1 - loss * none
+    share = where(received > 0, echoes, 0.0) / where(received > 0, received, 1.0)
+    direct = (1 - share) ** legs(acoustics.ranging)
+    return where(echoes > 0, 1 - (1 - outliers) * direct, outliers)
+
+
 def _with(rounded: Any, *stds: Any) -> Any:
     """Root of the sum of squares; without rounding, the exact value unchanged."""
     exact = stds[0] if len(stds) == 1 else hypot(*stds)
@@ -267,7 +301,8 @@ def _heading_error(platform: Any) -> dict[str, Any]:
 
 def _heave(platform: Any) -> dict[str, Any]:
     """RMS depth of the platform's reference point, and the matching correlation time."""
-    place, rate = _squares(platform, ("heave",))
+    heaves = is_sine(platform, "heave")
+    place, rate = of_sines(platform, ("heave",)) if heaves else of_waves(platform)[0]
     place += platform.mean_position_m[2] ** 2
     return {"heave_std_m": sqrt(place), "heave_time_s": _memory(place, rate)}
 
@@ -305,8 +340,17 @@ def _of_each_beacon(platform: Any, acoustics: Any) -> dict[str, Any]:
 
 
 def clock(acoustics: Any) -> dict[str, Any]:
-    """Clock error at the start, and how it grows from there."""
+    """Clock error at the start, and how it grows from there.
+
+    Two-way ranges are without it, but all answers are late by the same error, which looks like it.
+    """
     delay = acoustics.processing_delay_s - acoustics.processing_delay_correction_s
+    if legs(acoustics.ranging) > 1:
+        half = acoustics.assumed_sound_speed_m_s / 2
+        return {
+            "clock_std_m": half * hypot(delay, acoustics.turnaround_bias_std_s),
+            "clock_walk_psd_m2_s": 0.0,
+        }
     drift, drift_std = acoustics.clock_drift_s_s, acoustics.clock_drift_std_s_s
     age, speed = acoustics.clock_sync_age_s, acoustics.assumed_sound_speed_m_s
     fixed = acoustics.clock_offset_s + drift * age + delay
@@ -318,20 +362,34 @@ def clock(acoustics: Any) -> dict[str, Any]:
 
 def _motion(platform: Any, axes: Sequence[str], std: str, time: str) -> dict[str, Any]:
     """RMS rate per axis of sinusoids, and the matching correlation time [s]."""
-    place, rate = _squares(platform, axes)
+    place, rate = of_sines(platform, axes)
     return {std: sqrt(rate / len(axes)), **_known(time, rate > 0, sqrt(ratio(place, rate)))}
 
 
-def _squares(platform: Any, axes: Sequence[str]) -> tuple[Any, Any]:
-    """Mean squares of sinusoids and of their rates, summed over axes."""
-    place: Any = 0.0
-    rate: Any = 0.0
-    for axis in axes:
-        unit = "deg" if axis in ("roll", "pitch", "yaw") else "m"
-        amplitude = getattr(platform, f"{axis}_amplitude_{unit}")
-        place += amplitude**2 / 2
-        rate += (2 * math.pi * getattr(platform, f"{axis}_frequency_Hz") * amplitude) ** 2 / 2
-    return place, rate
+def _velocity(platform: Any) -> dict[str, Any]:
+    """RMS velocity of the platform per axis, and its correlation time."""
+    if is_sine(platform, "surge"):
+        return _motion(platform, ("surge", "sway"), "platform_velocity_std_m_s",
+                       "platform_velocity_time_s")
+    parts = of_waves(platform)[0], of_mooring(platform)
+    rate = sum(it[1] for it in parts)
+    # One process for waves and drift: it spreads as fast as both together.
+    spread = sum(sqrt(place * rate) for place, rate in parts)
+    return {
+        "platform_velocity_std_m_s": sqrt(rate / 2),
+        **_known("platform_velocity_time_s", rate > 0, ratio(spread, rate)),
+    }
+
+
+def _tilt(platform: Any) -> dict[str, Any]:
+    """RMS of roll and of pitch, and their correlation time."""
+    if is_sine(platform, "roll"):
+        roll, pitch = (platform.roll_amplitude_deg, platform.pitch_amplitude_deg)
+        std, squares = hypot(roll, pitch) / 2, of_sines(platform, ("roll", "pitch"))
+    else:
+        squares = of_waves(platform)[1]
+        std = sqrt(squares[0] / 2)
+    return {"tilt_std_deg": std, "tilt_time_s": clipped(_memory(*squares), 0.01, SLOWEST_TILT)}
 
 
 def _memory(place: Any, rate: Any) -> Any:

@@ -32,6 +32,29 @@ def sqrt(value: Any) -> Any:
     return ca.if_else(positive, ca.sqrt(ca.if_else(positive, value, 1.0)), 0.0)
 
 
+def exp(value: Any) -> Any:
+    """Exponential of a value."""
+    return _elementary("exp", value)
+
+
+def log(value: Any) -> Any:
+    """Natural logarithm of a positive value."""
+    return _elementary("log", value)
+
+
+def sin(value: Any) -> Any:
+    """Sine of an angle [rad]."""
+    return _elementary("sin", value)
+
+
+def _elementary(name: str, value: Any) -> Any:
+    if not symbolic(value):
+        return getattr(math, name)(value)
+    import casadi as ca
+
+    return getattr(ca, name)(value)
+
+
 def hypot(*values: Any) -> Any:
     """Root of the sum of squares."""
     if not symbolic(*values):

@@ -28,7 +28,10 @@ OF_RECEIVERS: Mapping[str, Variable] = {
 
 def is_list(variables: Iterable[Variable], variable: Variable) -> bool:
     """Whether an array has a fixed capacity and a separate count."""
-    return any(v.name == f"{variable.name.removesuffix('_time')}_count" for v in variables)
+    name = variable.name
+    for end in ("_time", "_depth", "_speed"):
+        name = name.removesuffix(end)
+    return any(v.name == f"{name}_count" for v in variables)
 
 
 def in_file_units(variable: Variable, value: Any) -> Any:

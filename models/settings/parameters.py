@@ -7,6 +7,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from ..declaration import Component
+from .assumptions import range_noise
 from .keys import in_si
 
 STOCHASTIC = "white_noise_acceleration"
@@ -52,7 +53,7 @@ def of_model(
     if tables.receiver.prior is not None:
         keys["initialisation"] = "prior"
     values = of_receiver(receiver, keys)
-    values["range_std"] = acoustics.range_std_m / share**0.5
+    values["range_std"] = range_noise(acoustics) / share**0.5
     values["depth_std"] = target.depth_std_m
     if target.trajectory == STOCHASTIC:
         values["acceleration_psd"] = target.acceleration_psd_m2_s3

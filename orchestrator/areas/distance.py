@@ -24,6 +24,7 @@ from ..simulation.masters.lanes_driver import LENGTHS
 from ..study.kept import Kept
 from .distance_result import DistanceCurve
 from .motion import RADIUS, circle_of, circling
+from .over_places import asked
 from .possible import PossibleInCells, left_out, possible
 from .rings import Depths, Distance, Rings, rings_of
 from .runs import CellRuns, Simulator, check_times
@@ -57,6 +58,7 @@ def map_distance(
     workers: int | None = None,
     progress: Callable[[float], None] | None = None,
     keep: Kept | None = None,
+    before: Callable[[Mapping[str, Any]], None] | None = None,
 ) -> DistanceCurve:
     """The error of a receiver against the distance from the platform, with the possible error.
 
@@ -78,7 +80,7 @@ def map_distance(
         Number of distances, evenly spaced.
     runs
         Number of runs at each distance and depth.
-    workers, progress, keep
+    workers, progress, keep, before
         As in `sblcosim.map_area`.
 
     Raises
@@ -98,6 +100,14 @@ def map_distance(
     moving = circling(given, circle, rings.depths[0], duration_s)
     simulator = Simulator(moving, receiver, rings, error, settling_s)
     check_work(simulator, rings.count * runs)
+    settings = {
+        "distance_m": [rings.distances[0], rings.distances[-1]], "depth_m": [*rings.depths],
+        "cells": len(rings.distances), "runs": runs, "error": error, "limit_m": limit_m,
+        "duration_s": duration_s, "settling_s": settling_s, "radius_m": circle.radius,
+        "speed_m_s": circle.speed, "seed": given.seed,
+    }  # fmt: skip
+    if before is not None:
+        before(asked("distances", moving, simulator.receiver, settings, str(circle)))
     best = possible(moving, rings, circle, error, (settling_s, duration_s), workers)
     told(_BEFORE)
     every = np.arange(rings.count * runs)
@@ -106,12 +116,6 @@ def map_distance(
         How(workers=workers, progress=lambda share: told(_BEFORE + (1 - _BEFORE) * share)), keep,
     )
     found = pooled(sample, best.percentile, rings.shape, given.seed, workers, reach=0)
-    settings = {
-        "distance_m": [rings.distances[0], rings.distances[-1]], "depth_m": [*rings.depths],
-        "cells": len(rings.distances), "runs": runs, "error": error, "limit_m": limit_m,
-        "duration_s": duration_s, "settling_s": settling_s, "radius_m": circle.radius,
-        "speed_m_s": circle.speed, "seed": given.seed,
-    }  # fmt: skip
     told(1.0)
     return DistanceCurve(
         scenario=moving, receiver=simulator.receiver, settings=settings, motion=str(circle),

@@ -196,13 +196,32 @@ class DistanceCurve(OverPlaces):
         width
             Columns to fit into; None: lines are not wrapped.
         """
-        lines = [self.answer]
-        for depth in self.depths:
-            rows = self.at(depth)
-            step = 1 if verbose else row_step(len(rows), max(_ROWS // len(self.depths), 3))
-            lines += ["", f"{self.settings['error'].replace('_', ' ')} error [m] at {depth:g} m "
-                      "depth", *_printed(rows[::-step][::-1], width)]  # fmt: skip
+        what = f"{self.settings['error'].replace('_', ' ')} error [m]"
+        if verbose:
+            lines = [self.answer]
+            for depth in self.depths:
+                lines += ["", f"{what} at {depth:g} m depth", *_printed(self.at(depth), width)]
+        else:
+            rows = pd.concat([self._some(depth) for depth in self.depths])
+            first, *others = self.depths
+            at = "" if others else f" at {first:g} m depth"
+            lines = [*self._shortly(), *self._limits(), "", f"{what}{at}",
+                     *_printed(rows, width, several=bool(others))]  # fmt: skip
         return fitted("\n".join([*lines, "", *self._remarks(verbose)]), width)
+
+    def _some(self, depth: float) -> pd.DataFrame:
+        """Some of the distances at a depth, evenly spaced, with the farthest."""
+        rows = self.at(depth)
+        step = row_step(len(rows), max(_ROWS // len(self.depths), 3))
+        return rows[::-step][::-1]
+
+    def _shortly(self) -> Iterator[str]:
+        """The data sheet, with the conditions only once for all depths."""
+        first, *others = self.data_sheet
+        yield first
+        for said in others:
+            radius, conditions, rest = said.partition(_conditions(first))
+            yield f"{radius}, in the same conditions{rest}" if conditions else said
 
     # --- Data ------------------------------------------------------------------------------------
 
@@ -247,10 +266,19 @@ def _reach(low: float, high: float) -> str:
 _SHOWN = ("rms_m", "p95_m", "bound_m", "possible_rms_m", "possible_p95_m")
 
 
-def _printed(rows: pd.DataFrame, width: int | None) -> Iterator[str]:
-    heads = ["distance", *map(DISTANCES.head, _SHOWN), DISTANCES.head("lost_share")]
+def _conditions(said: str) -> str:
+    """The conditions in a sentence for a data sheet: all after the depth, with its comma."""
+    _, depth, after = said.partition(" m depth,")
+    return f", {after.partition(';')[0].strip()}" if depth else "\n"
+
+
+def _printed(rows: pd.DataFrame, width: int | None, *, several: bool = False) -> Iterator[str]:
+    """A table of distances; of several depths with a column of them."""
+    heads = ["distance", *map(DISTANCES.head, (*_SHOWN, "lost_share"))]
+    heads = ["depth", *heads] if several else heads
     cells = [
-        [f"{figure(row['distance_m'])} m",
+        [*([f"{figure(row['depth_m'])} m"] if several else []),
+         f"{figure(row['distance_m'])} m",
          *(rounded(row[name]) for name in _SHOWN),
          rough_percent(row["lost_share"])]
         for row in rows.to_dict("records")

@@ -19,6 +19,18 @@ from .possible import caveat
 Floats = NDArray[np.float64]
 
 
+def asked(
+    kind: str, scenario: Scenario, receiver: str, settings: Mapping[str, Any], motion: str
+) -> dict[str, Any]:
+    """What is known of a manifest before the first run."""
+    about = {
+        "scenario_name": scenario.name, "receiver": receiver, "settings": settings,
+        "motion": motion,
+    }  # fmt: skip
+    known: dict[str, Any] = artifacts.plain({kind: about, "scenario": scenario.dump_toml()})
+    return known
+
+
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class OverPlaces(Answer):
     """The error of a receiver at places where a diver circles.

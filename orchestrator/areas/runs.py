@@ -23,8 +23,8 @@ from ..simulation.children.children import Children
 from ..simulation.how import How
 from ..study import parts, study
 from ..study.batch import reduced
-from ..study.campaign import Campaign, Run, prepare
-from ..study.groups import Point
+from ..study.campaign import Campaign, CampaignRun, prepare
+from ..study.groups import PreparedPoint
 from ..study.kept import Kept, sound
 from ..study.runner import kept_together
 from ..study.store import at_work
@@ -254,9 +254,9 @@ def _rms(judged: pd.DataFrame, error: str) -> Floats:
     return roots
 
 
-def _runs(seeds: Integers) -> list[Run]:
+def _runs(seeds: Integers) -> list[CampaignRun]:
     """The runs of a part, identified by their seeds."""
-    return [Run(i, 1, seed, f"{seed:016x}") for i, seed in enumerate(seeds.tolist())]
+    return [CampaignRun(i, 1, seed, f"{seed:016x}") for i, seed in enumerate(seeds.tolist())]
 
 
 def _kept(folder: Path, seeds: Integers) -> list[pd.DataFrame]:
@@ -267,19 +267,19 @@ def _kept(folder: Path, seeds: Integers) -> list[pd.DataFrame]:
     return [mine] if len(mine) else []
 
 
-class _Points(Sequence[Point]):
+class _Points(Sequence[PreparedPoint]):
     """A study point for each run, made when a run is executed alone."""
 
-    def __init__(self, point: Point, values: Mapping[str, Floats]) -> None:
+    def __init__(self, point: PreparedPoint, values: Mapping[str, Floats]) -> None:
         self._point, self._values = point, values
 
     def __len__(self) -> int:
         return len(next(iter(self._values.values())))
 
     @overload
-    def __getitem__(self, index: int) -> Point: ...
+    def __getitem__(self, index: int) -> PreparedPoint: ...
     @overload
-    def __getitem__(self, index: slice) -> Sequence[Point]: ...
+    def __getitem__(self, index: slice) -> Sequence[PreparedPoint]: ...
     def __getitem__(self, index: Any) -> Any:
         if isinstance(index, slice):
             return [self[i] for i in range(len(self))[index]]

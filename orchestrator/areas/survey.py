@@ -27,6 +27,7 @@ from ..simulation.masters.lanes_driver import LENGTHS
 from ..study.kept import Kept
 from .grid import Area, Cells, Grid, grid_of
 from .motion import RADIUS, Circle, circle_of, circling
+from .over_places import asked
 from .possible import PossibleInCells, left_out, possible
 from .result import AreaMap
 from .runs import CellRuns, Simulator, check_times
@@ -67,6 +68,7 @@ def map_area(
     workers: int | None = None,
     progress: Callable[[float], None] | None = None,
     keep: Kept | None = None,
+    before: Callable[[Mapping[str, Any]], None] | None = None,
 ) -> AreaMap:
     """The 95 % error of a receiver over an area, with the possible error there.
 
@@ -108,6 +110,8 @@ def map_area(
         Called with the completed share, 0 to 1.
     keep
         Folder of finished runs, which are not repeated; None: nothing is written.
+    before
+        Called with what is known of the manifest, before the first run.
 
     Raises
     ------
@@ -127,15 +131,17 @@ def map_area(
     simulator = Simulator(moving, receiver, grid, error, settling_s)
     check_work(simulator, grid.count * runs)
     span_s = (settling_s, duration_s)
-    best = possible(moving, grid, circle, error, span_s, workers)
-    told(_FIRST_PART)
-    sample, found = _surveyed(simulator, best, runs, limit_m, workers, told, keep)
     settings = {
         "area_m": [*grid.north, *grid.east], "depth_m": grid.depth, "cells": [*grid.shape],
         "runs": runs, "error": error, "limit_m": limit_m, "duration_s": duration_s,
         "settling_s": settling_s, "radius_m": circle.radius, "speed_m_s": circle.speed,
         "seed": given.seed,
     }  # fmt: skip
+    if before is not None:
+        before(asked("map", moving, simulator.receiver, settings, str(circle)))
+    best = possible(moving, grid, circle, error, span_s, workers)
+    told(_FIRST_PART)
+    sample, found = _surveyed(simulator, best, runs, limit_m, workers, told, keep)
     told(1.0)
     return AreaMap(
         scenario=moving, receiver=simulator.receiver, settings=settings, motion=str(circle),
@@ -251,7 +257,8 @@ def check(scenario: Scenario, limit_m: float | None, runs: int, workers: int | N
         if getattr(scenario, name).fmu is not None:
             raise ConfigurationError(
                 f"{scenario.where(name, 'fmu')}: must be left out for a map, which knows what is "
-                f"possible for our own components only, got {getattr(scenario, name).fmu}"
+                "possible for our own components only ('sblcosim run --runs 60' has the errors of "
+                f"others and a data-sheet sentence), got {getattr(scenario, name).fmu}"
             )
         if "seed" in getattr(scenario, name).model_fields_set:
             raise ConfigurationError(

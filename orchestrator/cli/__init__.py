@@ -13,6 +13,8 @@ from .commands import (
     studies,
     requirements,
     budgets,
+    logs,
+    processing,
     components,
     export,
 )

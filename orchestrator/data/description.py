@@ -31,6 +31,9 @@ class RunDescription(Shown):
         Origin of each receiver: ``type``, ``fmu`` or ``python`` with a name, and further facts.
     remarks
         Remarks on the run, in sentences.
+    asked
+        The scenario before the receivers were chosen: `scenario` has only the keys of the first.
+        None: it is the same.
     """
 
     scenario_name: str
@@ -40,6 +43,7 @@ class RunDescription(Shown):
     seeds: Mapping[str, int] = field(default_factory=dict)
     origins: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     remarks: Sequence[str] = ()
+    asked: Any = None
 
     def _gist(self) -> str:
         return f"of {self.scenario_name}: {', '.join(self.receivers)}"

@@ -10,11 +10,9 @@ from sblcosim.models.declaration import number_of
 from sblcosim.models.receiver.variables import POSE_SOURCE
 
 from ..errors import ConfigurationError
-from ..lazy import Module
 from .estimates import Flags, Floats, Integers
 from .record import Record, epochs_ns
-
-transform = Module("scipy.spatial.transform")
+from .turns import turned
 
 NEEDED = (
     "acoustics.range", "acoustics.range_epoch", "acoustics.reception_count",
@@ -91,8 +89,7 @@ class Samples:
                 f"{len(self.range)} packets hold its pose, got none"
             )
         if body is not None and len(posed):
-            turns = transform.Rotation.from_euler("ZYX", self.attitude[posed][:, ::-1])
-            position[posed] += turns.apply(body[self.beacon[posed]])
+            position[posed] += turned(self.attitude[posed], body[self.beacon[posed]])
         return position
 
     def enough_ns(self) -> int | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from html import escape
 from pathlib import Path
@@ -117,10 +117,12 @@ class Smoothed(Extended):
     def save(
         self, directory: str | Path, *, figures: bool = True, theme: ThemeName = "light",
         other: Other = "refuse", artist: Artist | None = None,
+        trajectories: str | Collection[str] = (),
     ) -> Path:
         """Write everything into a folder; see `Result.save`."""
         return self.result.save(
-            directory, figures=figures, theme=theme, other=other, artist=artist
+            directory, figures=figures, theme=theme, other=other, artist=artist,
+            trajectories=trajectories,
         )
 
     def to_json(self) -> dict[str, Any]:
@@ -154,6 +156,7 @@ class Smoothed(Extended):
 def smooth(
     run: Result | str | Path, overrides: Changes = (), *, passes: int = PASSES,
     range_offset_std_m: float = 0.0, range_scale_std: float = 0.0,
+    before: Callable[[Mapping[str, Any]], None] | None = None,
 ) -> Smoothed:
     """Estimate the track of a finished run from everything received in it.
 
@@ -176,6 +179,8 @@ def smooth(
     range_offset_std_m, range_scale_std
         Standard deviations of a constant offset of each beacon's ranges [m], and of a scale that
         all ranges share; only for beacons with their own errors. They are estimated.
+    before
+        Called with what is known of the manifest, before the work.
 
     Raises
     ------
@@ -197,6 +202,8 @@ def smooth(
         )
     unknown = {"range_offset_std_m": range_offset_std_m, "range_scale_std": range_scale_std}
     dive = _dive(run, overrides, unknown)
+    if before is not None:
+        before(_asked(dive))
     record, label = dive.result.record, start.ran(dive.result.record, dive.receiver)
     if label is None:
         record, label = start.run_receiver(record, dive.p, dive.scenario), dive.receiver
@@ -206,6 +213,13 @@ def smooth(
         learns=settled is not dive.p, of=dive.model,
     )
     return _smoothed(dive, track, record.estimates(label), label)
+
+
+def _asked(dive: Dive) -> dict[str, Any]:
+    """What is known of the manifest before the work."""
+    origin = outcome.origin_of(dive.p, SMOOTHER, dive.model)
+    known = outcome.described(dive.result.description, SMOOTHER, origin).manifest()
+    return {key: it for key, it in known.items() if key != "remarks"}
 
 
 def _smoothed(dive: Dive, track: Track, filtered: Estimates, label: str) -> Smoothed:

@@ -53,7 +53,7 @@ def offsets(p: Any) -> list[int]:
     return [*range(field.states(p.beacons), states(p))]
 
 
-def _parts(p: Any, samples: Samples, trajectory: Floats) -> Iterator[model.Part]:
+def _parts(p: Any, samples: Samples, trajectory: Floats) -> Iterator[model.RowsOfKind]:
     epochs, d = samples.epochs_ns, states(p)
     node = np.searchsorted(epochs, samples.depth_ns)
     yield model.part(0, node, field.depth(p, [*trajectory[node].T]), samples.depth, d)

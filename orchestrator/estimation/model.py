@@ -38,7 +38,7 @@ from ..scenario.scenario import Scenario
 from .linear import Floats, Problem
 
 Indices = NDArray[np.intp]
-Part = tuple[Indices, Indices, Floats, Floats, Floats]
+RowsOfKind = tuple[Indices, Indices, Floats, Floats, Floats]
 """Measurements of one kind: node, order of use, row, residual and variance."""
 PRIOR = number_of(INITIALISATION, "prior")
 _PSD = "acceleration_psd"
@@ -81,7 +81,7 @@ def parameters(scenario: Scenario, start: Floats, component: Component = COUPLED
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class ScalarRows:
     """Scalar measurements at a trajectory, by epoch.
 
     Attributes
@@ -151,12 +151,12 @@ class RunModel:
     states: Callable[[Any], int]
     position: tuple[int, ...]
     velocity: tuple[int, ...]
-    parts: Callable[[Any, Samples, Floats], Iterator[Part]]
+    parts: Callable[[Any, Samples, Floats], Iterator[RowsOfKind]]
     prior: Callable[[Any, Floats], tuple[Floats, Floats]]
     transition: Callable[[Any, float], tuple[Elements, ...]]
 
 
-def rows(p: Any, samples: Samples, trajectory: Floats, of: RunModel | None = None) -> Rows:
+def rows(p: Any, samples: Samples, trajectory: Floats, of: RunModel | None = None) -> ScalarRows:
     """The measurements at a trajectory.
 
     Parameters
@@ -168,7 +168,7 @@ def rows(p: Any, samples: Samples, trajectory: Floats, of: RunModel | None = Non
     node, kind = (np.concatenate([part[i] for part in parts]) for i in (0, 1))
     order = np.lexsort((kind, node))
     H, residual, variance = (np.concatenate([part[i] for part in parts])[order] for i in (2, 3, 4))
-    return Rows(node[order], H, residual, variance, kind[order] == RANGE)
+    return ScalarRows(node[order], H, residual, variance, kind[order] == RANGE)
 
 
 RANGE = 5
@@ -177,7 +177,7 @@ RANGE = 5
 
 def part(
     kind: int, node: Indices, row: Measurement, z: Floats, states: int, *, wrapped: bool = False
-) -> Part:
+) -> RowsOfKind:
     """Measurements z of one kind, from their formulas."""
     H = np.zeros((len(node), states))
     for i, value in row.row.items():
@@ -188,7 +188,7 @@ def part(
     return node, np.full(len(node), kind), H, residual, row.variance + 0 * residual
 
 
-def _parts(p: Any, samples: Samples, trajectory: Floats) -> Iterator[Part]:
+def _parts(p: Any, samples: Samples, trajectory: Floats) -> Iterator[RowsOfKind]:
     epochs = samples.epochs_ns
     node = np.searchsorted(epochs, samples.depth_ns)
     yield part(0, node, surroundings.depth(p, [*trajectory[node].T]), samples.depth, STATES)

@@ -19,6 +19,7 @@ from sblcosim.models.receiver.surroundings import (
 )
 from sblcosim.models.receiver.waves import HEAVE
 
+from ..data.description import RunDescription
 from ..data.estimates import Estimates
 from ..data.samples import Samples
 from ..results.result import Result
@@ -85,6 +86,20 @@ def bent_by(y: Floats, P: Floats) -> Floats:
     )
 
 
+def described(
+    before: RunDescription, label: str, origin: Mapping[str, Any], remarks: Sequence[str] = ()
+) -> RunDescription:
+    """The description of a run with another receiver; see `beside`."""
+    filters = [name for name in before.receivers if name not in (label, RAW)]
+    last = [name for name in before.receivers if name == RAW]
+    return replace(
+        before,
+        receivers=[*filters, label, *last],
+        origins={**before.origins, label: dict(origin)},
+        remarks=[*(it for it in before.remarks if not it.startswith(f"{label}: ")), *remarks],
+    )
+
+
 def beside(
     result: Result, label: str, estimates: Estimates, origin: Mapping[str, Any],
     remarks: Sequence[str] = (),
@@ -100,16 +115,7 @@ def beside(
     remarks
         Remarks on it. They begin with its name, and replace those of estimates with that name.
     """
-    before = [name for name in result.description.receivers if name not in (label, RAW)]
-    last = [name for name in result.description.receivers if name == RAW]
-    description = replace(
-        result.description,
-        receivers=[*before, label, *last],
-        origins={**result.origins, label: dict(origin)},
-        remarks=[
-            *(it for it in result.description.remarks if not it.startswith(f"{label}: ")), *remarks
-        ],
-    )
+    description = described(result.description, label, origin, remarks)
     return Result(
         description, result.record, result.update_interval_ns, result.failures,
         made={**result.made, label: estimates},

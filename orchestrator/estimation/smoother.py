@@ -150,7 +150,7 @@ class _Stride:
 
 
 def _track(
-    p: Any, epochs_ns: Integers, rows: model.Rows, at: Floats, moments: Moments, psd: Floats,
+    p: Any, epochs_ns: Integers, rows: model.ScalarRows, at: Floats, moments: Moments, psd: Floats,
     steps: tuple[float, ...],
 ) -> Track:
     """The track with what it makes of the ranges."""
@@ -164,7 +164,7 @@ def _track(
     )
 
 
-def linearised(frame: Problem, rows: model.Rows, at: Floats, punctual: Floats) -> Problem:
+def linearised(frame: Problem, rows: model.ScalarRows, at: Floats, punctual: Floats) -> Problem:
     """The linear problem about a trajectory."""
     variance = rows.variance.copy()
     variance[rows.is_range] /= punctual

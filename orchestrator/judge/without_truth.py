@@ -43,9 +43,9 @@ def residuals(estimates: Estimates, samples: Samples, body: Floats | None = None
         There are packets with a pose, but no ``body``.
     """
     beacon = samples.beacon_position(body)
-    heard, at = _between(estimates, samples.range_ns)
+    heard, at = between(estimates, samples.range_ns)
     ranges = samples.range[heard] - np.sqrt(square_of(at - beacon[heard]))
-    deep, depths = _between(estimates, samples.depth_ns)
+    deep, depths = between(estimates, samples.depth_ns)
     rows = {
         f"beacon {b + 1}": ranges[samples.beacon[heard] == b] for b in sorted({*samples.beacon})
     }
@@ -66,7 +66,7 @@ def agreement(estimates: Mapping[str, Estimates]) -> pd.DataFrame:
     """
     rows = {}
     for (one, first), (other, second) in combinations(estimates.items(), 2):
-        here, at = _between(second, first.epoch_ns)
+        here, at = between(second, first.epoch_ns)
         off = first.position[here] - at
         square, n = square_of(off), len(off)
         level = horizontal_square(off[:, 0], off[:, 1])
@@ -93,19 +93,24 @@ def innovations(estimates: Mapping[str, Estimates]) -> pd.DataFrame:
     """
     rows = {}
     for name, own in estimates.items():
-        if own.nis is None or own.nis_degrees is None:
-            continue
-        used = ~np.isnan(own.nis) & (own.nis_degrees > 0)
-        if used.any():
-            row = of_chi_square("nis", own.nis[used], own.nis_degrees[used])
-            rows[name] = {**row, "n": int(used.sum())}
+        values, degrees = told(own)
+        if len(values):
+            rows[name] = {**of_chi_square("nis", values, degrees), "n": len(values)}
     columns = ["nis", "nis_expected", "nis_low", "nis_high", "nis_verdict", "n"]
     table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
     table.index.name = "receiver"
     return table
 
 
-def _between(estimates: Estimates, epoch_ns: Integers) -> tuple[Flags, Floats]:
+def told(estimates: Estimates) -> tuple[Floats, Integers]:
+    """NIS of the estimates that have one, and its degrees of freedom; shape (n,)."""
+    if estimates.nis is None or estimates.nis_degrees is None:
+        return np.zeros(0), np.zeros(0, np.int64)
+    used = ~np.isnan(estimates.nis) & (estimates.nis_degrees > 0)
+    return estimates.nis[used], estimates.nis_degrees[used]
+
+
+def between(estimates: Estimates, epoch_ns: Integers) -> tuple[Flags, Floats]:
     """Which epochs lie between estimates, and the positions there [m], (m, 3)."""
     order = np.argsort(estimates.epoch_ns, kind="stable")
     own, position = estimates.epoch_ns[order], estimates.position[order]

@@ -11,10 +11,12 @@ from sblcosim.models.acoustics.schedules import SCHEDULES
 from sblcosim.models.declaration import Component
 from sblcosim.models.receiver.receivers.coupled import COMPONENT as COUPLED
 from sblcosim.models.receiver.receivers.long_baseline import COMPONENT as LONG_BASELINE
+from sblcosim.models.settings.assumptions import range_noise
 from sblcosim.models.settings.parameters import of_model
 
 from ..scenario.arrangement import has_own_errors
 from ..scenario.scenario import Scenario
+from .echoes import lost
 from .fisher import fisher_factor
 from .recursion import ReceiverModel
 from .steady import Conditions
@@ -32,7 +34,7 @@ def parameters(
     """
     a = scenario.acoustics
     share = fisher_factor(
-        a.range_std_m, a.outlier_probability, a.outlier_mean_m, a.outlier_distribution
+        range_noise(a), a.outlier_probability, a.outlier_mean_m, a.outlier_distribution
     )
     return of_model(receiver, scenario.assumptions(), scenario, share, acceleration_psd)
 
@@ -100,7 +102,7 @@ def conditions(scenario: Scenario, acceleration_psd: float | None = None) -> Con
         spread=spread_of(beacons),
         beacons=len(beacons),
         slot=scenario.acoustics.sampling_time_s,
-        loss=scenario.acoustics.loss_probability,
+        loss=lost(scenario.acoustics),
         acceleration_psd=p.acceleration_psd,
         common_std=float(np.hypot(p.gps_markov_std, p.gps_bias_std)),
         heading_std=p.imu_heading_error_std,

@@ -1,7 +1,8 @@
 """The recursion for many divers at once: what is possible at many places of a scenario.
 
 Nothing is random here. A packet lost with probability p counts with 1 − p of its information, and
-the platform rests at its mean position and heading. Waves count as receivers assume them.
+the platform rests at its mean position and heading. Waves count as receivers assume them. Losses in
+bursts are the exception: several sequences of them, the same for all places, are averaged over.
 """
 
 from __future__ import annotations
@@ -9,25 +10,30 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil, cos, sin
 
 import numpy as np
 from numpy.typing import NDArray
 from sblcosim.fmus import stopping
+from sblcosim.models.acoustics.ranging import legs
 from sblcosim.models.acoustics.schedules import SCHEDULES
 
 from ..scenario.scenario import Scenario
 from . import recursion
+from .echoes import echo_chances, lost, lost_of_leg, shares
 from .parameters import beacons_of, conditions, model_of, own_beacon, parameters
 from .recursion import Epochs, ReceiverModel
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 Path = Callable[[float], Floats]
 """Positions at a time since the start [s], NED [m]; (n, 3)."""
 
 MOST_STEPS = 300
 """Maximum number of slots in the recursion; above it, several are combined."""
+SEQUENCES = 8
+"""Number of sequences of losses in bursts that are averaged over."""
 MOST_EPOCHS = 8
 """Number of epochs whose covariances are kept."""
 _TOGETHER = 128
@@ -95,7 +101,10 @@ def covariances(
         Number of threads; the result does not depend on it. None: all cores.
     """
     model = model_of(scenario, 0.0, own_beacon(scenario))
-    epochs = epochs_of(scenario, model, span_s[1])
+    sequences = [
+        epochs_of(scenario, model, span_s[1], sequence) for sequence in _sequences(scenario)
+    ]
+    epochs = sequences[0]
     end_s = np.cumsum(epochs.readings) * scenario.acoustics.sampling_time_s
     late = np.flatnonzero(end_s >= span_s[0])
     late = late if len(late) else np.array([len(end_s) - 1])
@@ -107,10 +116,15 @@ def covariances(
     def part(first: int) -> tuple[Floats, Floats, Floats]:
         some = slice(first, first + _TOGETHER)
         position = positions[:, some]
-        absolute, relative = recursion.covariances(
-            model, epochs, position, acceleration_psd[some], kept
-        )
-        return absolute, relative, position[kept] - _place(scenario)
+        told = _told(scenario, position[len(position) // 2])
+        found = [
+            recursion.covariances(model, replace(it, heard=it.heard * told), position,
+                                  acceleration_psd[some], kept)
+            for it in sequences
+        ]
+        absolute, relative = (np.concatenate(it) for it in zip(*found, strict=True))
+        offset = position[kept] - _place(scenario)
+        return absolute, relative, np.concatenate([offset] * len(sequences))
 
     with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
         firsts = range(0, len(acceleration_psd), _TOGETHER)
@@ -119,18 +133,76 @@ def covariances(
     return Covariances(absolute, relative, offset, model.own_errors)
 
 
-def epochs_of(scenario: Scenario, model: ReceiverModel, duration_s: float) -> Epochs:
-    """The slots of a run; if there are many, several are combined at their end."""
+def _told(scenario: Scenario, position: Floats) -> Floats | float:
+    """Information in ranges of each beacon despite echoes, mean over places; (N,)."""
+    if not any(echo_chances(scenario.acoustics)):
+        return 1.0
+    of_places = shares(scenario.acoustics, position[:, None], still_beacons(scenario))
+    mean: Floats = of_places.mean(0)
+    return mean
+
+
+def _sequences(scenario: Scenario) -> list[int | None]:
+    """Numbers of the sequences of losses; None: each packet counts with its mean information."""
+    a = scenario.acoustics
+    return [*range(SEQUENCES)] if a.loss_burst_length and 0 < a.loss_probability < 1 else [None]
+
+
+def losses_in_bursts(
+    scenario: Scenario, pings: Integers, sequence: int, leg: int = 0
+) -> Floats:
+    """1 where a packet of a beacon is lost directly, in bursts; (pings of each, N).
+
+    Each leg of two-way ranges has sequences of its own.
+    """
+    a = scenario.acoustics
+    rng = np.random.default_rng([sequence, leg] if leg else sequence)
+    p, length = a.loss_probability, a.loss_burst_length
+    most = int(pings.max())
+    columns = []
+    for _ in pings:
+        bad = rng.geometric(1 / length, most)
+        good = rng.geometric(min(p / (length * (1 - p)), 1.0), most)
+        runs = np.stack([bad, good], axis=1).ravel()
+        kinds = np.tile([1.0, 0.0], most)
+        if rng.random() >= p:  # the first run is one of packets that arrive
+            runs, kinds = runs[1:], kinds[1:]
+        enough = np.searchsorted(np.cumsum(np.fmin(runs, most)), most) + 1
+        columns.append(np.repeat(kinds[:enough], np.fmin(runs[:enough], most))[:most])
+    return np.stack(columns, axis=1)
+
+
+def epochs_of(
+    scenario: Scenario, model: ReceiverModel, duration_s: float, sequence: int | None = None
+) -> Epochs:
+    """The slots of a run; if there are many, several are combined at their end.
+
+    Parameters
+    ----------
+    sequence
+        Number of a sequence of losses in bursts; None: each packet counts with the mean of its
+        information.
+    """
     a, count = scenario.acoustics, scenario.beacons
     total = max(ceil(duration_s / a.sampling_time_s - 1e-9) - 1, 1)  # the end is not sampled
-    there = 1 - a.loss_probability
+    missing = lost(a)
     schedule = SCHEDULES[a.schedule]
     at_once = schedule.together(count)
     first = schedule.place(np.arange(total))
     order = np.array(a.slot_order) - 1
     pinging = order[(first[:, None] + np.arange(at_once)) % count]
-    heard = there * np.eye(count)[pinging].sum(1)
-    packets = np.full(total, 1 - a.loss_probability**at_once)
+    sent = np.eye(count)[pinging].sum(1)
+    heard = (1 - missing) * sent
+    packets = np.full(total, 1 - missing**at_once)
+    if sequence is not None:
+        numbers = np.cumsum(sent, axis=0).astype(int) - 1
+        by_echo = 1 - lost_of_leg(a) / a.loss_probability  # of the packets that are lost directly
+        heard = sent
+        for leg in range(legs(a.ranging)):
+            losses = losses_in_bursts(scenario, numbers[-1] + 1, sequence, leg)
+            is_lost = np.take_along_axis(losses, np.fmax(numbers, 0), 0) > 0
+            heard = heard * np.where(is_lost, by_echo, 1.0)
+        packets = heard.max(axis=1)
     together = -(-total // MOST_STEPS)
     firsts = np.arange(0, total, together)
     slots = np.diff(firsts, append=total)

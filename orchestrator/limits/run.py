@@ -15,6 +15,7 @@ from ..data.record import Record, epochs_ns
 from ..data.truth import held_at, recorded, state_at
 from ..scenario.scenario import Scenario
 from ..scenario.schema import CORE_COMPONENTS
+from .echoes import echo_chances, shares_along
 from .parameters import beacons_of, conditions, model_of, own_beacon
 from .path import path_psd
 from .recursion import Epochs, ReceiverModel, covariances
@@ -46,10 +47,11 @@ def reference(
     The model is that of the receiver ``coupled`` without arcs and outliers, or that of
     ``long_baseline`` if each beacon has its own error (`has_own_errors`). Priors and noises are the
     scenario's true ones, and the measurements are those actually received. Outliers reduce the
-    information (`fisher_factor`); other errors are listed in ``without``. If the motion is drawn
-    from the model (``trajectory = "white_noise_acceleration"``), no receiver can be better on
-    average over runs, given the stated priors. On any other path q is a choice: by default that of
-    the path over the filter's own memory (`path_psd`).
+    information (`fisher_factor`), and so do echoes (`shares`); other errors are listed in
+    ``without``. If the motion is drawn from the model (``trajectory =
+    "white_noise_acceleration"``), no receiver can be better on average over runs, given the stated
+    priors. On any other path q is a choice: by default that of the path over the filter's own
+    memory (`path_psd`).
 
     Parameters
     ----------
@@ -74,6 +76,10 @@ def reference(
     model = model_of(scenario, acceleration_psd, own_beacon)
     q = model.parameters.acceleration_psd if acceleration_psd is None else acceleration_psd
     position, epochs = epochs_along(record, model, epoch, heard, depth)
+    if any(echo_chances(scenario.acoustics)):
+        beacons = held_at(record.time_ns, recorded(record, "platform.beacon_position"), epoch)
+        known = shares_along(scenario.acoustics, position, beacons)
+        epochs = replace(epochs, heard=epochs.heard * known)
     absolute, relative = (
         P[:, 0] for P in covariances(model, epochs, position[:, None], np.array([q], float))
     )

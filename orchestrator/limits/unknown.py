@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from sblcosim.models.settings.motion import is_sine, of_waves
 
 from ..scenario.arrangement import has_own_errors
 from ..scenario.error_sources import SOURCES, SURVEY, UNMODELLED
@@ -183,7 +184,11 @@ def _turned(scenario: Scenario, position: Floats, since_s: Floats, keys: list[st
 def _swinging(platform: Any, keys: list[str]) -> list[float]:
     """RMS errors of roll, pitch and yaw that follow the motion of the platform [rad]."""
     axes = ("roll", "pitch", "yaw")
-    a = np.deg2rad([getattr(platform, f"{axis}_amplitude_deg") for axis in axes])
+    a = np.deg2rad([
+        getattr(platform, f"{axis}_amplitude_deg") if is_sine(platform, axis)
+        else sqrt(of_waves(platform)[1][0])  # half of the slope is along each axis
+        for axis in axes
+    ])
     squares_ = np.zeros(3)
     for axis, which in (("tilt", slice(0, 2)), ("heading", slice(2, 3))):
         if f"imu_{axis}_scale_factor_error" in keys:

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from functools import cached_property
+from pathlib import Path
+from warnings import warn
 
 import pandas as pd
 
 from .. import shown
 from ..catalogue import Job
+from ..errors import NoEffectWarning
 from ..judge.consistency import Verdict
 from ..layout import fitted, table
+from ..paths.diver_path import DiverPath
 from ..results.result import Result
 
 
@@ -53,6 +58,18 @@ class Recording(Result):
     def figures(self) -> list[Job]:
         """None."""
         return []
+
+    @property
+    def paths(self) -> list[DiverPath]:
+        """None."""
+        return []
+
+    def _write_paths(self, folder: Path, trajectories: Collection[str]) -> None:
+        if trajectories:
+            warn(
+                "trajectories: have no effect, as the package has no receivers", NoEffectWarning,
+                stacklevel=3,
+            )
 
     def text(self, *, verbose: bool = False, width: int | None = None) -> str:
         """What was run, and the last recorded values.

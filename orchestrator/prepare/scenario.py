@@ -59,6 +59,7 @@ def of_scenario(
         seeds={name: getattr(scenario, name).seed for name in CORE_COMPONENTS},
         origins=origins_of(choice.receivers, system, plan),
         remarks=remarks + shortening(system, plan, nanoseconds(scenario.time.sampling_time_s)),
+        asked=scenario,
     )
     return Prepared(
         system, plan, description,

@@ -212,11 +212,11 @@ class Requirement(Answer):
         if not counts["undecided"]:
             return f"No design suffices: all {total} surely fail."
         if not counts["fails"]:
-            which = f"all {total} stay undecided{self._of_them_untried()}"
+            which = f"all {total} are undecided{self._of_them_untried()}"
         else:
             which = (
                 f"of {total}, {doing(counts['fails'], 'fail')} for sure, "
-                f"{doing(counts['undecided'], 'stay')} undecided{self._of_them_untried()}"
+                f"{_undecided(counts['undecided'])}{self._of_them_untried()}"
             )
         return f"No design surely suffices: {which}.{self._too_few()}"
 
@@ -236,17 +236,17 @@ class Requirement(Answer):
         met = len(self.question.conditions)
         where = f" in each of {met} conditions" if met > 1 else ""
         return (
-            f" To say that one suffices takes at least {least} runs of it{where}, all of them good "
-            f"ones; {self._are(few, most, least)}."
+            f" At least {least} runs of a design{where}, all of them good, are needed to say that "
+            f"it suffices; {self._are(few, most, least)}."
         )
 
     def _are(self, few: int, most: int, least: int) -> str:
         """How many runs the undecided designs have, and how many are missing."""
         if few < most:
-            return f"those that are undecided have {few} to {most}"
+            return f"the undecided ones have {few} to {most}"
         left = self.counts["undecided"]
-        which = "the one that is" if left == 1 else f"each of the {left} that are"
-        return f"there are {most}, {least - most} more are needed at {which} undecided"
+        which = "the undecided one" if left == 1 else f"each of the {left} undecided ones"
+        return f"{which} has {most} and needs {least - most} more"
 
     def _numbers(self, row: int) -> str:
         """How many runs of a design are within the limit, and its percentile."""
@@ -311,7 +311,7 @@ class Requirement(Answer):
         count = int((cheaper & (self.designs["verdict"] == "undecided")).sum())
         if not count:
             return ""
-        return f" Of the cheaper ones, {doing(count, 'stay')} undecided besides."
+        return f" Of the cheaper designs, {count} more {plural(count, 'is', 'are')} undecided."
 
     def _more(self, row: int) -> str:
         """How many runs would decide an undecided design."""
@@ -336,7 +336,7 @@ class Requirement(Answer):
         of = self.of(self.nearest)
         if not of["runs"]:
             return ""
-        nearest = f"The nearest{' of those that were tried' if self.untried else ''}"
+        nearest = f"The nearest design{' that was tried' if self.untried else ''}"
         if of["verdict"] == "undecided":
             which = f"{nearest} is undecided: {self.priced(self.nearest)}."
             return f"{which} {self._numbers(self.nearest)}{self._more(self.nearest)}"
@@ -352,13 +352,13 @@ class Requirement(Answer):
             return ""
         share = percent(self.question.terms.share)
         helping = [(n, v) for n, v in found.without.items() if v < found.everything][:3]
-        of_all = f"in {limiting.RUNS} other runs {self._within(found.everything)} with all errors"
+        of_all = f"in {limiting.RUNS} other runs, {self._within(found.everything)} with all errors"
         text = f"No error alone limits it: {of_all}, and no less without any one of them."
         if helping:
             (name, value), *rest = helping
-            text = (f"What limits it most is {name}: {of_all}, and {share} would be within "
+            text = (f"It is limited most by {name}: {of_all}, and {share} would be within "
                     f"{self._size(value)} without this one")
-            text += "".join(f"; without {name} {self._size(value)}" for name, value in rest) + "."
+            text += "".join(f", {self._size(value)} without {name}" for name, value in rest) + "."
         if self.chosen is None and found.everything > limit:
             text += f" {enough(found, limit)}"
         return text
@@ -369,10 +369,10 @@ class Requirement(Answer):
         met = len(q.conditions)
         what = f"{len(self.designs)} designs" + (f" in {met} conditions" if met > 1 else "")
         left = counts["undecided"]
-        undecided = f", {doing(left, 'stay')} undecided" if left else ""
+        undecided = f", {_undecided(left)}" if left else ""
         return (
-            f"With a confidence of {percent(q.terms.confidence)} no claim about any of the {what} "
-            f"is wrong: {doing(counts['suffices'], 'suffice')}, "
+            f"With {percent(q.terms.confidence)} confidence, every claim about the {what} "
+            f"is right: {doing(counts['suffices'], 'suffice')}, "
             f"{doing(counts['fails'], 'fail')}{undecided}. {self._took()}"
             f"{self._left_alone()}{self._untried()}"
         )
@@ -381,19 +381,19 @@ class Requirement(Answer):
         """How many runs were made, and how many were allowed."""
         most = self.question.terms.most_runs
         if self.spent <= most:
-            return f"That took {self.spent:,} of at most {most:,} runs."
-        there = f"runs that were there count beyond the budget of {most:,}"
-        return f"That took {self.spent:,} runs: {there}."
+            return f"The answer took {self.spent:,} of {most:,} allowed runs."
+        there = f"the budget of {most:,} does not include runs from before"
+        return f"The answer took {self.spent:,} runs: {there}."
 
     def _left_alone(self) -> str:
         """How many designs were left undecided because the answer is sure without them."""
         if not self.until_sure or self.chosen is None:
             return ""
         if not self.question.costs:
-            return " None was left alone for being dearer: no design has a cost."
+            return " No design was skipped as dearer, because none has a cost."
         dearer = self.designs["cost"] > self.of(self.chosen)["cost"]
         count = int((dearer & (self.designs["verdict"] == "undecided")).sum())
-        which = "1 that is dearer was" if count == 1 else f"{count} that are dearer were"
+        which = f"{count} dearer {plural(count, 'design was', 'designs were')}"
         return f" {which} left undecided." if count else ""
 
     def _untried(self) -> str:
@@ -521,34 +521,38 @@ class Requirement(Answer):
         )
 
 
+def _undecided(count: int) -> str:
+    return f"{count} {plural(count, 'is', 'are')} undecided"
+
+
 def missing(rule: Rule, passed: int, runs: int) -> str:
     """How many runs would decide an arm, given that `passed` of `runs` passed."""
     needed = rule.runs_to_decide(passed, runs)
     if needed is not None:
-        return f"If its share stayed so, {needed:,} runs of it would decide it."
-    text = f"If its share stayed so, not even {MOST_RUNS:,} runs of it would decide it."
+        return f"At this share, {needed:,} runs of it would decide."
+    text = f"At this share, not even {MOST_RUNS:,} runs of it would decide."
     ends = share_interval(passed, runs)
     at_ends = [rule.runs_to_decide(end * runs, runs) for end in ends]
     if None in at_ends:
         return text
     low, high = (percent(end, ".4g") for end in ends)
     return (
-        f"{text} But after {runs:,} runs the share may as well be {low} or {high} (95 % interval): "
-        f"then {at_ends[0]:,} or {at_ends[1]:,} would."
+        f"{text} But after {runs:,} runs, the share may be anything from {low} to {high} (95 % "
+        f"interval). At these ends, {at_ends[0]:,} or {at_ends[1]:,} runs would decide."
     )
 
 
 def enough(limits: Limiting, limit: float) -> str:
     """The errors without which a failing design would suffice."""
     if not limits.enough:
-        return "Not even without all of them would it do."
+        return "It would not suffice even without all of them."
     alone = [name for name, value in limits.without.items() if value <= limit]
     if len(alone) > 1:
-        return f"It would do without any one of {listed(alone)}."
+        return f"It would suffice without any one of {listed(alone)}."
     if alone:
-        return f"It would do without {alone[0]} alone."
+        return f"It would suffice without {alone[0]} alone."
     few = listed(limits.enough)
-    return f"It would do without {few} together, but not without one of them alone."
+    return f"It would suffice without {few} together, but not without one of them alone."
 
 
 def _data(answer: Requirement) -> tuple[Requirement]:

@@ -18,7 +18,7 @@ from ..results.responses import RESPONSES
 from ..scenario.files import naming_files
 from ..simulation.how import HOW, How
 from ..study import executors, parts, runner, store
-from ..study.campaign import Campaign, Run, prepare
+from ..study.campaign import Campaign, CampaignRun, prepare
 from .question import Question, load, passable
 from .result import Requirement
 from .sequential import Batch, Elimination
@@ -102,7 +102,7 @@ def decided(
         if there.paths:
             known = _responses(question, parts.table(there, _wanted(question)))
 
-        def carried_out(runs: Sequence[Run]) -> None:
+        def carried_out(runs: Sequence[CampaignRun]) -> None:
             missing = [run for run in runs if run.run_id not in known]
             for part, rows in simulated(_parts(campaign, missing, how), _silent):
                 parts.write(folder, campaign, part, rows)
@@ -116,7 +116,7 @@ def _eliminated(
     question: Question,
     campaign: Campaign,
     known: Mapping[str, Floats],
-    carried_out: Callable[[Sequence[Run]], None],
+    carried_out: Callable[[Sequence[CampaignRun]], None],
     progress: Callable[[float], None] | None,
     prices: Sequence[float] | None,
 ) -> tuple[Elimination, dict[tuple[int, int], Floats]]:
@@ -149,17 +149,19 @@ def _eliminated(
     return elimination, {arm: np.concatenate(parts) for arm, parts in values.items()}
 
 
-def _runs(question: Question, campaign: Campaign, batch: Batch) -> list[Run]:
+def _runs(question: Question, campaign: Campaign, batch: Batch) -> list[CampaignRun]:
     places = question.places(batch.group, batch.condition, batch.start, batch.stop)
     runs = []
     for replicate, place in enumerate(places.tolist(), batch.start + 1):
         point = campaign.points[place]
         seed = campaign.study.run_seed(point.number, replicate)
-        runs.append(Run(place, replicate, seed, point.run_id(seed)))
+        runs.append(CampaignRun(place, replicate, seed, point.run_id(seed)))
     return runs
 
 
-def _parts(campaign: Campaign, runs: Sequence[Run], how: How) -> Iterator[Sequence[Run]]:
+def _parts(
+    campaign: Campaign, runs: Sequence[CampaignRun], how: How
+) -> Iterator[Sequence[CampaignRun]]:
     """Runs per part of the storage: the most that a kill can lose."""
     longest = max(group.steps for group in campaign.groups)
     size = max(1, min(runner.BATCH, runner.BATCH_STEPS // longest))
@@ -198,5 +200,5 @@ def _check_known(question: Question, table: pd.DataFrame, receivers: Sequence[st
         )
 
 
-def _silent(runs: Sequence[Run], share: float) -> None:
+def _silent(runs: Sequence[CampaignRun], share: float) -> None:
     """Ignore progress within a part."""

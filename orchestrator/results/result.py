@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -22,7 +22,9 @@ from ..judge import metrics, possible
 from ..judge.columns import TABLES
 from ..judge.consistency import NEES_COLUMNS, Verdict, of_runs
 from ..lazy import Module
-from ..scenario.labels import RAW
+from ..paths import folder as path_files
+from ..paths.diver_path import DiverPath, of_estimates, of_truth
+from ..scenario.labels import FIXES, RAW
 from ..shown import Picture
 from . import more, notebook, text
 from .figures.artist import drawing
@@ -342,8 +344,12 @@ class Result(Answer):
         other: artifacts.Other = "refuse",
         artist: Artist | None = None,
         animate: bool = False,
+        log: bool = False,
+        trajectories: str | Collection[str] = (),
     ) -> Path:
         """Like `Answer.save`, with the scenario and, if it has a place on Earth, the paths there.
+
+        Figures, animation, log and trajectories of an equal run in the folder are kept.
 
         Parameters
         ----------
@@ -353,16 +359,60 @@ class Result(Answer):
         animate
             Whether to add an animation: ``animation.mp4`` if ffmpeg is available, otherwise
             ``animation.gif``.
+        log
+            Whether to add the log of the dive in the folder ``log``: what was received and
+            measured, the true track, and the settings. `sblcosim.process` makes the same estimates
+            of it, to the last bit.
+        trajectories
+            Files of the paths to add, some of ``"tum"`` and ``"mcap"``; see
+            `sblcosim.paths.folder.write`.
+
+        Raises
+        ------
+        ConfigurationError
+            As `Answer.save`; or a log is asked for of a run that is not of a scenario.
         """
         style.named(theme)
-        with artifacts.draft(directory, self.manifest(), other) as draft:
+        wanted = path_files.check(trajectories)
+        with artifacts.draft(directory, self.manifest(), other, adds=True) as draft:
             drawn = self.figures if figures else []
             with drawing(drawn, draft.folder, theme, artist):
                 self._write_tables(draft.folder, directory)
+                self._write_paths(draft.folder, wanted)
             if animate:
                 file = draft.folder / f"{animation.NAME}{animation.kind_of()}"
                 animation.write(self.record, self.tracks, file, theme)
+            if log:
+                self._write_log(draft.folder / "log", Path(directory) / "log")
         return draft.saved
+
+    def _write_log(self, folder: Path, place: Path) -> None:
+        """Write the log of the dive.
+
+        Parameters
+        ----------
+        place
+            Where the folder will be in the end.
+        """
+        # Few runs are wanted as a log.
+        from ..logs.folder import write
+        from ..logs.simulated import of_record
+        from ..scenario.tracks import origin_of
+
+        scenario = self.description.asked or self.scenario
+        if not hasattr(scenario, "dump_toml"):
+            raise ConfigurationError(
+                f"log: must be of a run of a scenario, got one of {self.scenario_name!r}"
+            )
+        told = of_record(
+            self.record, name=self.scenario_name, title=self.title,
+            sound_speed=scenario.acoustics.assumed_sound_speed_m_s,
+            origin=origin_of(scenario.place),
+        )
+        with artifacts.folder(folder, {"log": told.name, "scenario": self.manifest()}) as part:
+            write(told, part)
+            settings = scenario.dump_toml(place, everything=False)
+            (part / "scenario.toml").write_text(settings, "utf-8")
 
     def animate(self, file: str | Path, theme: style.ThemeName = "light") -> Path:
         """Write the run as it happened, in about ten seconds: the map and the errors.
@@ -380,15 +430,16 @@ class Result(Answer):
         """
         target = Path(file)
         animation.kind_of(target)
-        with TemporaryDirectory() as folder:
-            made = Path(folder, target.name)
-            animation.write(self.record, self.tracks, made, theme)
-            try:
+        try:
+            files.make_folder(target.parent)  # refused before anything is drawn
+            with TemporaryDirectory() as folder:
+                made = Path(folder, target.name)
+                animation.write(self.record, self.tracks, made, theme)
                 files.write_file(target, made.read_bytes())
-            except OSError as error:
-                raise ConfigurationError(
-                    f"animate: must be a file that can be written, got {file} ({error.strerror})"
-                ) from error
+        except OSError as error:
+            raise ConfigurationError(
+                f"animate: must be a file that can be written, got {file} ({error.strerror})"
+            ) from error
         return target
 
     def _write_tables(self, folder: Path, directory: str | Path) -> None:
@@ -396,17 +447,26 @@ class Result(Answer):
             artifacts.write_table(table, folder, name)
         if hasattr(self.scenario, "dump_toml"):
             (folder / "scenario.toml").write_text(self._scenario_file(directory), "utf-8")
-        if getattr(self.scenario, "place", None) is not None:
-            self._write_paths(folder)
 
-    def _write_paths(self, folder: Path) -> None:
+    @property
+    def paths(self) -> list[DiverPath]:
+        """The true path, and that of each receiver."""
+        estimated = [
+            of_estimates(name, judged.estimates, "fix" if name in FIXES else "filter")
+            for name, judged in self.judged.items()
+        ]
+        return [of_truth(self.truth), *estimated]
+
+    def _write_paths(self, folder: Path, trajectories: Collection[str]) -> None:
         # Few runs have a place on Earth.
-        from ..scenario.tracks import origin_of
-        from . import geography
+        place = getattr(self.scenario, "place", None)
+        origin = None
+        if place is not None:
+            from ..scenario.tracks import origin_of
 
-        origin = origin_of(self.scenario.place)
-        if origin is not None:
-            geography.write(folder, self.title, origin, self.record, self.tracks)
+            origin = origin_of(place)
+        if origin is not None or trajectories:
+            path_files.write(folder, self.title, self.paths, origin, trajectories=trajectories)
 
     def _scenario_file(self, directory: str | Path) -> str:
         file: str = self.scenario.dump_toml(Path(directory))

@@ -41,6 +41,8 @@ class ToldResult(Protocol):
     @property
     def title(self) -> str: ...
     @property
+    def origins(self) -> Mapping[str, Mapping[str, Any]]: ...
+    @property
     def remarks(self) -> Sequence[str]: ...
     @property
     def tracks(self) -> dict[str, pd.DataFrame]: ...
@@ -186,16 +188,32 @@ def _reached(result: ToldResult, receiver: str, frame: str, length: str) -> tupl
 
 
 def verdicts(result: ToldResult) -> Iterator[str]:
-    """The outcome: a line for each receiver, what was possible, and remarks on the run."""
+    """The outcome: a line for each receiver, what was possible, and remarks on the run.
+
+    An estimator whose own estimates are refused comes first: its line says whose it gives instead.
+    """
+    refused = _refused(result)
+    for receiver, remark in refused.items():
+        yield f"{remark}: {_verdict(result, receiver)}"
     for receiver in result.receivers:
-        yield f"{receiver}: {_verdict(result, receiver)}"
+        if receiver not in refused:
+            yield f"{receiver}: {_verdict(result, receiver)}"
     for message in result.failures.values():
         yield f"failed: {message}"
     yield from possible.lines(result.verdicts)
     told = [found["absolute"] for found in result.consistency.values() if "absolute" in found]
     if any(verdict.claim != _SURE for verdict in told):
         yield _ONE_RUN
-    yield from result.remarks
+    yield from (remark for remark in result.remarks if remark not in refused.values())
+
+
+def _refused(result: ToldResult) -> dict[str, str]:
+    """The remark on each estimator whose own estimates are doubted, and were replaced."""
+    return {
+        receiver: remark
+        for receiver in result.receivers if result.origins.get(receiver, {}).get("doubts")
+        for remark in result.remarks if remark.startswith(f"{receiver}: ")
+    }
 
 
 def _verdict(result: ToldResult, receiver: str) -> str:

@@ -1,4 +1,4 @@
-"""Requirements on beacons: consistent number, distinct positions, not in a line."""
+"""Requirements on a platform and its beacons: waves that have a height; distinct positions."""
 
 from __future__ import annotations
 
@@ -14,8 +14,9 @@ _FLAT = 0.05
 """Ratio of the smaller to the larger spread of the beacons below which they count as in line."""
 _SAME = 1e-6
 """Beacons closer than this [m] count as at the same position."""
-_MOTION, _SENSORS = r".*_amplitude.*", r"(gps|imu)_.*_(m|deg|deg_s|deg_K)"
-"""Keys of the platform's motion, and of the errors of its GPS and IMU."""
+_MOTION = {"sines": r".*_amplitude.*", "spectrum": r"yaw_amplitude.*|wave_height.*|watch_circle.*"}
+_SENSORS = r"(gps|imu)_.*_(m|deg|deg_s|deg_K)"
+"""Keys of the platform's motion by its kind, and of the errors of its GPS and IMU."""
 _ARRAYS = (("platform", "mounting_error_m"), ("acoustics", "slot_order"),
            ("receiver", "beacon_offset_m"))
 
@@ -27,6 +28,12 @@ def problems(platform: Any, acoustics: Any, receiver: Any, beacons: int) -> Iter
         yield (
             f"[platform] beacons: must be the number of rows of beacon_m ({len(given) // 3}), "
             f"got {beacons}"
+        )
+    calm = {"wave_height_m", "beaufort"}.isdisjoint(platform.model_fields_set)
+    if platform.motion == "spectrum" and calm and platform.fmu is None:
+        yield (
+            "[platform] motion: must come with wave_height_m or beaufort when it is 'spectrum', "
+            "got neither"
         )
     if platform.arrangement == "given":
         yield from _same_points(platform.beacon_m)
@@ -100,8 +107,8 @@ def has_own_errors(platform: Any) -> bool:
         return False
     if not platform.gps_shared:
         return True
-    surveyed = bool(platform.mounting_std_m > 0)
-    return surveyed and not _any(platform, _MOTION) and not _any(platform, _SENSORS)
+    moves = _any(platform, _MOTION[platform.motion])
+    return bool(platform.mounting_std_m > 0) and not moves and not _any(platform, _SENSORS)
 
 
 def shares_errors(platform: Any) -> bool:

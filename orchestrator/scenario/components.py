@@ -35,7 +35,7 @@ from .sources import known_source, named
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class UnconnectedComponent:
     """A future component: its variables, and its inputs if it is a third-party component."""
 
     spec: ComponentSpec
@@ -49,7 +49,7 @@ _NOTHING: Mapping[str, Any] = MappingProxyType({})
 def ours_of(
     name: str, scenario: Scenario, where: str, fmi: int,
     assumptions: Mapping[str, Any] = _NOTHING,
-) -> Part:
+) -> UnconnectedComponent:
     """One of our components, with the parameters of a table of the scenario."""
     table = getattr(scenario, where)
     assumed = marshal.dumps([*assumptions.items()], 2)  # version 2: without references
@@ -59,7 +59,7 @@ def ours_of(
 
 def _made(
     name: str, scenario: Scenario, where: str, fmi: int, assumptions: Mapping[str, Any]
-) -> Part:
+) -> UnconnectedComponent:
     table = getattr(scenario, where)
     without_track = name == "target" and table.trajectory != tracks.FILE
     names, rows = described(
@@ -69,7 +69,7 @@ def _made(
     content = _content(table, assumptions)
     # Points of a study differ from the first in only a few parameters.
     first = alike("first", (id(rows), fmu), lambda: _First(fmu, rows, content), rows)
-    return Part(first.varied(content, nanoseconds(table.interval_s)), names)
+    return UnconnectedComponent(first.varied(content, nanoseconds(table.interval_s)), names)
 
 
 def built(scenario: Scenario, ours: Sequence[tuple[str, int]]) -> list[Path]:
@@ -135,7 +135,7 @@ def _rows(variables: Iterable[Variable]) -> _Rows:
     return {v.key: (v.name, to_si(v)) for v in variables}
 
 
-def receiver_of(scenario: Scenario, label: str, source: Source, fmi: int) -> Part:
+def receiver_of(scenario: Scenario, label: str, source: Source, fmi: int) -> UnconnectedComponent:
     table = scenario.receiver
     if isinstance(source, str):
         names, rows = described(source, ())
@@ -150,7 +150,7 @@ def receiver_of(scenario: Scenario, label: str, source: Source, fmi: int) -> Par
     return foreign("receiver", scenario, source, own)
 
 
-def foreign(table_name: str, scenario: Scenario, source: Source, own: bool) -> Part:
+def foreign(table_name: str, scenario: Scenario, source: Source, own: bool) -> UnconnectedComponent:
     """A third-party component: it receives those keys of the table that are its parameters.
 
     If the scenario itself names the file (``own``), every given key must be a parameter.
@@ -196,7 +196,7 @@ def foreign(table_name: str, scenario: Scenario, source: Source, own: bool) -> P
     _check_beacons(scenario, fmu, ports)
     inputs = frozenset(port.name for port in ports.values() if port.causality == "input")
     spec = ComponentSpec(fmu, nanoseconds(table.interval_s), parameters)
-    return Part(spec, frozenset(ports), inputs)
+    return UnconnectedComponent(spec, frozenset(ports), inputs)
 
 
 _NAMED: Mapping[str, Variable] = {k: v for k, v in Receiver.variables.items() if v.named}

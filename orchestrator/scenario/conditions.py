@@ -5,11 +5,13 @@ They are the sea, the GPS, the heading, the survey, and what happens to ranges.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from math import hypot, isclose
 from pathlib import Path
 from typing import Any
 
+from sblcosim.models.acoustics.ranging import legs
 from sblcosim.models.settings.presets import preset
 
 from ..words.lists import listed
@@ -24,6 +26,8 @@ _GRADES: Mapping[str, str] = {
 """Grades whose names are no words."""
 _ANGLES = ("roll", "pitch", "yaw")
 _SHIFTS = ("surge", "sway", "heave")
+_OF_SPECTRUM, _OF_SINES = "wave_", "(roll|pitch|heave)_"
+"""Keys of a sea state that only one kind of motion takes."""
 _SIGMA = "1σ per axis"
 
 
@@ -46,27 +50,41 @@ def _named(component: str, table: Any) -> Iterator[str]:
     yield f"{component} of {Path(table.fmu).name}"
 
 
-def _holds(platform: Any, name: str) -> bool:
-    """Whether a preset is given, and all keys that it sets have its values."""
+def _holds(platform: Any, name: str, but: str = "none") -> bool:
+    """Whether a preset is given, and all keys that it sets have its values, but for some."""
     value = getattr(platform, name)
     return value is not None and all(
         isclose(getattr(platform, key), it, rel_tol=1e-9, abs_tol=1e-12)
-        for key, it in preset(name, value).items()
+        for key, it in preset(name, value).items() if re.match(but, key) is None
     )
 
 
 def sea(platform: Any) -> Iterator[str]:
-    """The sea state, and amplitudes that are not its own."""
+    """The sea state, and waves, a drift and amplitudes that are not its own."""
     known: set[str] = set()
-    if _holds(platform, "beaufort"):
-        yield f"Beaufort {platform.beaufort}"
+    sines = platform.motion == "sines"
+    if _holds(platform, "beaufort", _OF_SPECTRUM if sines else _OF_SINES):
+        yield f"Beaufort {platform.beaufort}{'' if sines else ' as a spectrum'}"
         known = {key.partition("_")[0] for key in preset("beaufort", platform.beaufort)}
-    moving = [*_amplitudes(platform, _ANGLES, "deg", "°", known),
-              *_amplitudes(platform, _SHIFTS, "m", " m", known)]  # fmt: skip
+    if sines:
+        moving = [*_amplitudes(platform, _ANGLES, "deg", "°", known),
+                  *_amplitudes(platform, _SHIFTS, "m", " m", known)]  # fmt: skip
+    else:
+        moving = [*_waves(platform, known), *_amplitudes(platform, ("yaw",), "deg", "°", known)]
     yield from moving
     if not moving and not known:
         rests = "platform" if errors_of(platform) in (None, "platform") else "beacons"
         yield f"{rests} at rest"
+
+
+def _waves(platform: Any, known: set[str]) -> Iterator[str]:
+    """A sea with a spectrum, unless it is a known one, and the drift in the watch circle."""
+    if platform.wave_height_m and "wave" not in known:
+        period = platform.wave_period_s
+        peak = "fully developed" if isinstance(period, str) else f"peak at {figure(period)} s"
+        yield f"waves of {figure(platform.wave_height_m)} m (significant height, {peak})"
+    if platform.watch_circle_m:
+        yield f"drift in a circle of {figure(platform.watch_circle_m)} m"
 
 
 def _amplitudes(
@@ -123,12 +141,29 @@ def _survey(platform: Any) -> Iterator[str]:
         yield f"beacons surveyed to {figure(platform.mounting_std_m)} m ({_SIGMA})"
 
 
+def _bursts(acoustics: Any) -> str:
+    length = acoustics.loss_burst_length
+    return f" in bursts of {figure(length)} packets" if length else ""
+
+
 def _ranges(acoustics: Any) -> Iterator[str]:
-    """Noise, loss and outliers of ranges, and how wrong the assumed speed of sound is."""
+    """Noise, loss, echoes and outliers of ranges, and how wrong the assumed speed of sound is."""
+    if legs(acoustics.ranging) > 1:
+        yield "two-way ranging"
+        error = hypot(acoustics.turnaround_std_s, acoustics.turnaround_bias_std_s)
+        if error:
+            yield f"turn-around error {figure(1e3 * error)} ms (1σ)"
     noise = acoustics.range_std_m
     yield f"range noise {figure(noise)} m (1σ)" if noise else "ranges without noise"
     if acoustics.loss_probability:
-        yield f"{rough_percent(acoustics.loss_probability)} packet loss"
+        yield f"{rough_percent(acoustics.loss_probability)} packet loss{_bursts(acoustics)}"
+    mirrors = [
+        mirror for mirror in ("surface", "bottom")
+        if acoustics.loss_probability and getattr(acoustics, f"{mirror}_echo_probability")
+        and (mirror == "surface" or acoustics.water_depth_m)
+    ]
+    if mirrors:
+        yield f"echoes from {listed(mirrors)}"
     if acoustics.outlier_probability and acoustics.outlier_mean_m:
         yield f"{rough_percent(acoustics.outlier_probability)} outliers"
     wrong = abs(acoustics.assumed_sound_speed_m_s / acoustics.sound_speed_m_s - 1)

@@ -11,7 +11,7 @@ from sblcosim.models.settings.beacons import beacons_of
 from ..simulation.plans.alike import alike
 from ..simulation.user.receivers import of_fmu
 from ..words.lists import listed, plural
-from . import arrangement
+from . import arrangement, channel
 from .components import by_name, takes
 from .scenario import Scenario, Source
 from .tracks import ABOVE
@@ -37,6 +37,7 @@ def doubts(scenario: Scenario, chosen: Mapping[str, Source]) -> Iterator[str]:
     yield from _of_waypoints(scenario)
     yield from _of_sound(scenario)
     yield from _of_arrangement(scenario)
+    yield from channel.doubts(scenario)
 
 
 def _of_names(scenario: Scenario, chosen: Mapping[str, Source]) -> Iterator[str]:

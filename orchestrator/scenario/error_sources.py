@@ -136,6 +136,7 @@ def _of_ranges() -> Iterator[Source]:
 OF_BITS = ("acoustics.packet_resolution_m", "acoustics.packet_angle_resolution_deg")
 _AMPLITUDES = ("roll_amplitude_deg", "pitch_amplitude_deg", "yaw_amplitude_deg",
                "surge_amplitude_m", "sway_amplitude_m", "heave_amplitude_m")
+_OF_SPECTRUM = ("wave_height_m", "watch_circle_m")
 
 SOURCES: Mapping[str, Source] = {
     source.name: source
@@ -166,6 +167,10 @@ SOURCES: Mapping[str, Source] = {
             "0.05 m",
         ),
         Source(
+            "turn-around", "the turn-around of beacons that answer",
+            tuple(Part((f"acoustics.turnaround_{end}_s",)) for end in ("std", "bias_std")),
+        ),
+        Source(
             "processing delay", "the processing delay",
             (Part(
                 ("acoustics.processing_delay_s",), about="acoustics.processing_delay_correction_s"
@@ -186,6 +191,10 @@ SOURCES: Mapping[str, Source] = {
         Source("outliers", FOUND["outliers"].words, (Part(("acoustics.outlier_probability",)),)),
         Source("packet loss", "packet loss", (Part(("acoustics.loss_probability",)),)),
         Source(
+            "echoes", "echoes from surface and bottom",
+            tuple(Part((f"acoustics.{it}_echo_probability",)) for it in ("surface", "bottom")),
+        ),
+        Source(
             "rounding", "the rounding of packets",
             tuple(Part((key,)) for key in OF_BITS),
         ),
@@ -199,7 +208,7 @@ SOURCES: Mapping[str, Source] = {
         ),
         Source(
             "platform motion", "the platform's motion",
-            tuple(Part((f"platform.{key}",)) for key in _AMPLITUDES),
+            tuple(Part((f"platform.{key}",)) for key in (*_AMPLITUDES, *_OF_SPECTRUM)),
         ),
         *_of_ranges(),
     )

@@ -17,7 +17,7 @@ from sblcosim.models.settings.paths import counts
 from sblcosim.models.settings.presets import PRESET_TABLES, preset
 
 from ..simulation.plans.alike import alike
-from . import packets
+from . import packets, water
 from .schema import SHARED_PARAMETERS, TRUE, Platform, Receiver, filled, given_of
 
 DEFAULT_RECEIVER = "coupled"
@@ -52,6 +52,7 @@ def component(name: str, table: Any, beacons: int, common: Mapping[str, Any]) ->
             values |= arranged(table.beacon_m)
         else:
             values |= packets.resolutions(table, beacons)
+            values |= water.derived(table)
         return filled(table, {**values, **common})
 
     return alike("complete", (name, id(table), beacons, *common.values()), made, table)

@@ -12,6 +12,7 @@ from sblcosim.models.settings.presets import PRESET_TABLES, PRESETS
 
 from ..errors import ConfigurationError, instance, quoted, resolved, shortened
 from ..simulation.plans.alike import alike, bits_of
+from . import water
 from .keys import Overrides
 from .reading import check_values
 from .schema import FILES, TABLES, Table, empty, given_of, valid
@@ -94,6 +95,14 @@ def _clear_for_presets(
         if said.get((PRESET_TABLES[name], name)) is not None and isinstance(table, dict):
             for key in keys:
                 table.pop(key, None)
+    table = raw.get("acoustics")
+    if not isinstance(table, dict):
+        return
+    if any(said.get(("acoustics", key)) is not None for key in water.SETTERS):
+        table.pop("sound_speed_m_s", None)
+    elif said.get(("acoustics", "sound_speed_m_s")) is not None:
+        for key in water.KEYS:
+            table.pop(key, None)
 
 
 _PLAIN = {bool, int, float, str, tuple, list}

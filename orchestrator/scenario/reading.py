@@ -43,7 +43,7 @@ def read_text(path: Path, names: Sequence[str], what: str = "scenario") -> str:
             content = file.read(LARGEST + 1)
         if len(content) > LARGEST:
             raise ConfigurationError(f"{where}: must have at most {LARGEST:,} bytes, got more")
-        return content.decode("utf-8").replace("\r\n", "\n").replace("\r", "\n")
+        return content.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError as error:
         byte = error.object[error.start]
         hint = "; 'sblcosim run' and 'plan' take packages" if path.suffix == ".ssp" else ""

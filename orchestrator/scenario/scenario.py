@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, ValidationError, model_validator
-from sblcosim.fmus.host.nanoseconds import SECOND, is_whole_ns, nanoseconds
+from sblcosim.fmus.host.nanoseconds import SECOND, is_whole_ns, nanoseconds, settled
 from sblcosim.models.settings.assumptions import PARAMETERS, levels
 from sblcosim.models.settings.presets import PRESET_TABLES
 from sblcosim.models.settings.times import update_interval
@@ -21,7 +21,7 @@ from ..errors import ConfigurationError, instance, resolved
 from ..simulation.plans.alike import alike
 from ..simulation.system import PythonComponent
 from ..tracks.resample import TooFewError
-from . import arrangement, effects, files, filling, library, packets, tracks
+from . import arrangement, channel, effects, files, filling, library, packets, timing, tracks, water
 from .assumptions import assumed
 from .messages import cross_check, is_table, lines
 from .overrides import Changes, override, without_none
@@ -42,6 +42,7 @@ from .schema import (
     Target,
     Time,
     divides,
+    filled,
     given_of,
     rows,
     table_field,
@@ -90,8 +91,11 @@ class Scenario(Table):
     @model_validator(mode="after")
     def _complete(self) -> Self:
         """Fill in values that were not given, then check keys against each other."""
-        own, seconds = self.__dict__, self.time.sampling_time_s
+        own = self.__dict__
         own["_given"] = {key: own[key] for key in self.model_fields_set}
+        if self.acoustics.packet_duration_s is not None:
+            own["time"] = self._slotted()
+        seconds = self.time.sampling_time_s
         common = {
             "sampling_time_s": seconds, "seed": self.seed,
             "interval_s": self.acoustics.sampling_time_s or seconds,
@@ -106,6 +110,14 @@ class Scenario(Table):
         if problems:
             raise ValueError("\n".join(problems))
         return self
+
+    def _slotted(self) -> Time:
+        """The intervals, with the slot that packets need unless it is given."""
+        ends = filled(self.acoustics, water.derived(self.acoustics))
+        slot = timing.slot_of(ends)
+        if slot is None or "sampling_time_s" in self.time.model_fields_set:
+            return self.time
+        return filled(self.time, {"sampling_time_s": settled(max(slot.needed_s, 1e-3))})
 
     def _problems(self) -> Iterator[str]:
         """Contradictions between keys; one line each."""
@@ -148,6 +160,7 @@ class Scenario(Table):
                 )
         yield from arrangement.problems(self.platform, self.acoustics, receiver, self.beacons)
         yield from packets.problems(self.platform, self.acoustics, receiver, self.beacons)
+        yield from channel.problems(self.target, self.platform, self.acoustics)
         target = self.target
         count = len(target.waypoint_m) // 3
         if target.trajectory == "waypoints" and not 2 <= target.waypoint_count <= count:
@@ -209,7 +222,7 @@ class Scenario(Table):
             return f"override {table}.{key}"
         return f"{self.name}: [{table}] {key}"
 
-    def dump_toml(self, folder: Path | None = None) -> str:
+    def dump_toml(self, folder: Path | None = None, *, everything: bool = True) -> str:
         """The scenario as TOML, with all keys that have an effect; `load` restores it.
 
         Parameters
@@ -217,6 +230,9 @@ class Scenario(Table):
         folder
             Folder of the future file. Paths of FMUs become relative to it, so that the text
             contains no absolute paths; None: paths are unchanged.
+        everything
+            Whether to write keys that were not given, too. They follow from the others, some of
+            them differently for another receiver.
         """
         lines = [f"{key} = {toml(getattr(self, key))}" for key in ("name", "title", "seed", "fmi")]
         idle = self.idle()
@@ -228,6 +244,8 @@ class Scenario(Table):
             for key in type(table).model_fields:
                 value = getattr(table, key)
                 if value is None or value == () or (key in PRIOR_KEYS and self.true_prior):
+                    continue
+                if not everything and key not in table.model_fields_set:
                     continue
                 variable = table.variables.get(key)
                 filled = variable is not None and key not in table.model_fields_set

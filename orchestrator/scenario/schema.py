@@ -27,6 +27,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 from sblcosim.fmus.host.nanoseconds import MAX_SECONDS, nanoseconds, settled
 from sblcosim.models import COMPONENTS, RECEIVERS
+from sblcosim.models.acoustics.variables import PROFILE
 from sblcosim.models.declaration import Bounds, Variable
 from sblcosim.models.ports import BEACONS
 from sblcosim.models.settings.keys import OF_RECEIVERS, in_file_units, is_list
@@ -241,6 +242,42 @@ COMMON: Mapping[str, Any] = {
     ),
 }
 
+
+def _number(low: float, high: float, description: str) -> tuple[Any, Any]:
+    """A key that holds a number within bounds."""
+    bounds = Field(ge=low, le=high, allow_inf_nan=False)
+    return Annotated[float, bounds] | None, Field(None, description=description)
+
+
+def _numbers(low: float, high: float, description: str) -> tuple[Any, Any]:
+    """A key that holds a number within bounds for each point of a profile."""
+    element = Annotated[float, Field(ge=low, le=high, allow_inf_nan=False)]
+    several = Annotated[
+        tuple[element, ...], BeforeValidator(_as_tuple), Field(max_length=PROFILE)
+    ]
+    return several | None, Field(None, description=description)
+
+
+def _as_tuple(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value
+
+
+_CHANNEL: Mapping[str, Any] = {
+    "temperature_C": _number(-2.0, 42.0, "Temperature of the water, which sets a missing "
+                             "sound_speed_m_s by TEOS-10"),
+    "salinity": _number(0.0, 42.0, "Practical salinity of the water; 35 if not given"),
+    "sample_depth_m": _number(0.0, 12000.0, "Depth at which temperature and salinity hold"),
+    "profile_temperature_C": _numbers(-2.0, 42.0, "Temperatures at the depths of the profile, "
+                                      "which set missing speeds by TEOS-10"),
+    "profile_salinity": _numbers(0.0, 42.0, "Practical salinities at the depths of the profile; "
+                                 "missing: salinity"),
+    "packet_duration_s": _number(1e-6, 1e3, "Duration of a packet; with guard_interval_s and "
+                                 "reach_m it sets a missing sampling_time_s of [time]"),
+    "guard_interval_s": _number(0.0, 1e3, "Silence after a packet and its echoes"),
+    "reach_m": _number(0.0, 1e5, "Distance within which packets must not collide"),
+}
+"""Keys of ``[acoustics]`` from which the speed of sound and the slot follow."""
+
 if TYPE_CHECKING:
     # A type checker cannot know the keys: they are generated from the declarations.
     class Target(Table):
@@ -299,6 +336,7 @@ else:
                 Field(None, description="Bits of a packet: sets missing resolutions; 0: not "
                       "limited"),
             ),
+            **_CHANNEL,
         },
     )
     Receiver = table_class(

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from sblcosim.models import RECEIVERS
 
-from ..errors import ConfigurationError, check_choice, instance, nearest, quoted
+from ..errors import ConfigurationError, check_choice, instance, nearest, no_file, quoted
 from ..simulation.code.user_code import PythonSource, is_python
 from ..simulation.user.files import component_of_file
 from ..simulation.user.receivers import of_fmu, of_folder
@@ -142,8 +142,9 @@ def known_source(source: Source) -> Source:
     if str(source) and os.path.isdir(path) and path.suffix != ".fmu":
         return of_folder(str(source)).fmu
     if path.suffix == ".fmu":
-        got = "a folder" if os.path.isdir(path) else "no such file"
-        raise ConfigurationError(f"receiver: {shown(path)}: must be an FMU file, got {got}")
+        raise ConfigurationError(
+            f"receiver: {shown(path)}: must be an FMU file, got {no_file(path)}"
+        )
     raise ConfigurationError(
         f"receiver: must be {', '.join(RECEIVERS)}, an .fmu file or FILE.py:CLASS, got "
         f"{quoted(str(source))}"

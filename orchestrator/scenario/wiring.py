@@ -34,7 +34,7 @@ from ..simulation.plans.settings import facts_of
 from ..simulation.system import ComponentSpec, Connection, System, Value
 from . import effects
 from .components import (
-    Part,
+    UnconnectedComponent,
     built,
     described,
     foreign,
@@ -137,9 +137,9 @@ def _core_source(scenario: Scenario, choice: Choice, name: str) -> Source | None
     return choice.components.get(name, own)
 
 
-def _core(scenario: Scenario, choice: Choice) -> dict[str, Part]:
+def _core(scenario: Scenario, choice: Choice) -> dict[str, UnconnectedComponent]:
     """The components that every system has."""
-    parts: dict[str, Part] = {}
+    parts: dict[str, UnconnectedComponent] = {}
     for name in CORE_COMPONENTS:
         source = _core_source(scenario, choice, name)
         if source is None:
@@ -199,7 +199,7 @@ def _warn_of_doubts(scenario: Scenario, chosen: Mapping[str, Source]) -> None:
         warnings.warn(line, ConfigurationWarning, stacklevel=3)
 
 
-def _warn_of_idle_inputs(parts: Mapping[str, Part], fed: Iterable[str]) -> None:
+def _warn_of_idle_inputs(parts: Mapping[str, UnconnectedComponent], fed: Iterable[str]) -> None:
     for label, part in parts.items():
         if not part.foreign_inputs:
             continue
@@ -269,7 +269,7 @@ def _refuse_idle_keys(scenario: Scenario, chosen: Mapping[str, Source]) -> None:
             )
 
 
-def _hand_over_start(parts: dict[str, Part], labels: Iterable[str]) -> None:
+def _hand_over_start(parts: dict[str, UnconnectedComponent], labels: Iterable[str]) -> None:
     """Write the true start, at rest, into the receivers' priors."""
     position = _at_start(parts["target"], "position")
     start: dict[str, Value] = {
@@ -288,19 +288,19 @@ _OF_SENSOR = {"sampling_time", "depth_std", "depth_bias", "depth_bias_std"}
 """Parameters of our target that none of `_STARTS` depends on: those of the depth sensor."""
 
 
-def _begun(part: Part, start: Mapping[str, Value]) -> Part:
+def _begun(part: UnconnectedComponent, start: Mapping[str, Value]) -> UnconnectedComponent:
     known = {name: value for name, value in start.items() if name in part.names}
     return replace(part, spec=part.spec.varied(known))
 
 
-def _at_start(part: Part, name: str) -> tuple[float, ...]:
+def _at_start(part: UnconnectedComponent, name: str) -> tuple[float, ...]:
     """The elements of an output at the start, row by row."""
     if isinstance(part.spec.fmu, Path) and name in part.names:
         return alike("start", id(part), partial(_started, part), part)[name]
     return _start_of(part.spec, (name,))[name]
 
 
-def _started(part: Part) -> dict[str, tuple[float, ...]]:
+def _started(part: UnconnectedComponent) -> dict[str, tuple[float, ...]]:
     """Those of `_STARTS` that an FMU has, at the start."""
     spec, is_ours = part.spec, part.foreign_inputs is None
     assert isinstance(spec.fmu, Path)
@@ -318,7 +318,7 @@ def _start_of(spec: ComponentSpec, names: Sequence[str]) -> dict[str, tuple[floa
     return {name: tuple(map(float, outputs[name].flat)) for name in names}
 
 
-def _stop_ns(scenario: Scenario, parts: Mapping[str, Part]) -> int:
+def _stop_ns(scenario: Scenario, parts: Mapping[str, UnconnectedComponent]) -> int:
     target, duration = parts["target"], scenario.time.duration_s
     common = math.lcm(*(part.spec.interval_ns for part in parts.values()))
     if duration != PATH and nanoseconds(duration) < common:

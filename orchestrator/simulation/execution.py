@@ -15,6 +15,7 @@ from ..errors import BuildError, ConfigurationError, FmuError, SblcosimError, ch
 from . import isolation
 from .children import process
 from .children.children import Children
+from .how import How
 from .masters import lanes, native, python
 from .plans.plan import Plan
 from .resolve import resolve
@@ -84,6 +85,23 @@ def execute(
         return python.execute(plan, told[stage], names, played)
 
     return _joined(plan, first, wanted, stages, go_on)
+
+
+def execute_part(left: Plan, whole: Plan, how: How) -> Record:
+    """Run a plan, or what is left of it without failed receivers.
+
+    If the whole has components that may crash, even a rest without them runs in a separate process,
+    as far as a master needs one.
+    """
+    # Without the failed receivers there may be no third-party FMU left to time.
+    timed = len(left.components) == len(whole.components) or process.foreign(left)
+    return execute(
+        left,
+        how.progress,
+        master=how.master,
+        step_timeout=how.step_timeout if timed else None,
+        apart=bool(process.strangers(whole)) and (how.master == "python" or needs_python(left)),
+    )
 
 
 def _share(

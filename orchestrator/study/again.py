@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 from ..api import run as run_scenario
 from ..errors import ConfigurationError
 from ..results.result import Result
 from ..scenario.schema import CORE_COMPONENTS
 from .campaign import point_digest, receivers_of, resolved_alone, seeded_inputs
-from .groups import Point
+from .groups import PreparedPoint
 from .store import table
 from .study import study_of
 
@@ -21,6 +22,7 @@ def replay(
     *,
     master: str | None = None,
     progress: Callable[[float], None] | None = None,
+    before: Callable[[Mapping[str, Any]], None] | None = None,
 ) -> Result:
     """Repeat a run of a study and record everything.
 
@@ -30,6 +32,8 @@ def replay(
         Folder of the study's results.
     run_id
         Identifier in the table of runs, or its beginning.
+    before
+        Called with the manifest just before the simulation.
 
     Raises
     ------
@@ -55,7 +59,7 @@ def replay(
     seeded, handovers = seeded_inputs(study, system, labels)
     free = {f"{name}.seed" for name in seeded} | {c.target for c in handovers}
     digest = point_digest(study, int(number), system, plan, free)
-    if Point(int(number), (), system, digest).run_id(int(seed)) != run_id:
+    if PreparedPoint(int(number), (), system, digest).run_id(int(seed)) != run_id:
         raise ConfigurationError(
             f"run {run_id}: must be repeated with the original FMUs and files, got others"
         )
@@ -64,4 +68,5 @@ def replay(
         receivers_of(study),
         master=master,
         progress=progress,
+        before=before,
     )

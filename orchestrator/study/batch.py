@@ -17,8 +17,7 @@ from sblcosim.fmus import stopping, unchanged
 from ..data.record import Record
 from ..data.truth import TRUTH
 from ..errors import BuildError, ConfigurationError, FmuError, SblcosimError, one_line
-from ..results.responses import Percentile
-from ..results.responses import Run as Observed
+from ..results.responses import Percentile, Run
 from ..results.sums import PORTS, responses, sums_of
 from ..results.user_responses import values_of
 from ..simulation import execution
@@ -30,9 +29,9 @@ from ..simulation.masters.lanes_driver import LENGTHS, SUMS
 from ..simulation.plans.plan import Plan
 from ..simulation.system import System
 from . import stand_in
-from .campaign import Campaign, Run
+from .campaign import Campaign, CampaignRun
 from .garbage import all_kept
-from .groups import Group, Point
+from .groups import Group, PreparedPoint
 from .stand_in import StandIn
 
 Floats = NDArray[np.float64]
@@ -43,7 +42,7 @@ _NEEDED = ("update_count", "epoch", "position")
 
 def simulate(
     campaign: Campaign,
-    runs: Sequence[Run],
+    runs: Sequence[CampaignRun],
     how: How,
     children: Children | None = None,
 ) -> pd.DataFrame:
@@ -83,7 +82,7 @@ def simulate(
 
 
 def _of_function(
-    campaign: Campaign, runs: Sequence[Run], model: StandIn, children: Children | None
+    campaign: Campaign, runs: Sequence[CampaignRun], model: StandIn, children: Children | None
 ) -> pd.DataFrame:
     """The table of a function that replaces the simulation."""
     numbers = {name: factor.numbers for name, factor in campaign.study.varied.items()}
@@ -108,7 +107,7 @@ requests (runs, receivers, responses), and an error message or None for each run
 def reduced(
     campaign: Campaign,
     group: Group,
-    runs: Sequence[Run],
+    runs: Sequence[CampaignRun],
     how: How,
     children: Children,
 ) -> Reduced:
@@ -124,7 +123,7 @@ def _nothing(campaign: Campaign, runs: int) -> Reduced:
     return np.zeros((runs, receivers, len(SUMS))), extra, [None] * runs
 
 
-def steps_of(campaign: Campaign, runs: Iterable[Run]) -> Iterable[int]:
+def steps_of(campaign: Campaign, runs: Iterable[CampaignRun]) -> Iterable[int]:
     """Communication steps of each run."""
     return (campaign.weights[r.place] for r in runs)
 
@@ -132,7 +131,7 @@ def steps_of(campaign: Campaign, runs: Iterable[Run]) -> Iterable[int]:
 def _side_by_side(
     campaign: Campaign,
     group: Group,
-    runs: Sequence[Run],
+    runs: Sequence[CampaignRun],
     how: How,
     children: Children,
 ) -> Reduced:
@@ -186,7 +185,7 @@ def _side_by_side(
 def _one_by_one(
     campaign: Campaign,
     group: Group,
-    runs: Sequence[Run],
+    runs: Sequence[CampaignRun],
     how: How,
     children: Children,
 ) -> Reduced:
@@ -201,7 +200,7 @@ def _one_by_one(
         wanted = [name for name in record if name in names]
         return execution.execute(plan, record=wanted, master=how.master, children=children)
 
-    def one(run: Run) -> tuple[Floats, Floats, str | None]:
+    def one(run: CampaignRun) -> tuple[Floats, Floats, str | None]:
         (sums,), (extra,), _ = _nothing(campaign, 1)
         try:
             with patience(campaign.step_timeout):
@@ -243,7 +242,7 @@ def _judged(
 ) -> tuple[Floats, Floats]:
     """Sums and extra responses of some receivers."""
     study = campaign.study
-    seen = [Observed(record, campaign.receivers[i], study.settling_ns) for i in receivers]
+    seen = [Run(record, campaign.receivers[i], study.settling_ns) for i in receivers]
     sums = np.array([sums_of(run) for run in seen])
     with patience(campaign.step_timeout):
         extra = values_of(study.asked, seen, children)
@@ -264,7 +263,7 @@ def _line(message: str) -> str:
     return " ".join(message.split())
 
 
-def _system(campaign: Campaign, point: Point, seed: int, children: Children) -> System:
+def _system(campaign: Campaign, point: PreparedPoint, seed: int, children: Children) -> System:
     """The system of a run, with its seed and the receivers' prior."""
     specs = dict(point.system.components)
     for name in campaign.seeded:
@@ -282,7 +281,7 @@ def _system(campaign: Campaign, point: Point, seed: int, children: Children) -> 
 
 def _table(
     campaign: Campaign,
-    runs: Sequence[Run],
+    runs: Sequence[CampaignRun],
     sums: Floats,
     extra: Floats,
     durations: NDArray[np.int64],
@@ -309,7 +308,7 @@ def _table(
     return pd.DataFrame({**columns, **_ends(runs, errors)})
 
 
-def _about(campaign: Campaign, runs: Sequence[Run]) -> dict[str, Any]:
+def _about(campaign: Campaign, runs: Sequence[CampaignRun]) -> dict[str, Any]:
     """The first columns, which identify the runs."""
     study = campaign.study
     order = {
@@ -328,7 +327,7 @@ def _about(campaign: Campaign, runs: Sequence[Run]) -> dict[str, Any]:
     return {**columns, "seed": np.array([r.seed for r in runs])}
 
 
-def _ends(runs: Sequence[Run], errors: Sequence[str | None]) -> dict[str, Any]:
+def _ends(runs: Sequence[CampaignRun], errors: Sequence[str | None]) -> dict[str, Any]:
     """The last columns."""
     return {
         "error": np.array(errors, dtype=object),

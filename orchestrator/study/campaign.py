@@ -44,7 +44,7 @@ from ..simulation.plans.plan import Plan, PlannedComponent
 from ..simulation.system import ComponentSpec, Connection, Likeness, System
 from .definition import Definition
 from .garbage import uncollected
-from .groups import Group, Point, grouped
+from .groups import Group, PreparedPoint, grouped
 from .stand_in import StandIn
 
 Floats = NDArray[np.float64]
@@ -72,7 +72,7 @@ class Campaign:
     """
 
     study: Definition
-    points: Sequence[Point]
+    points: Sequence[PreparedPoint]
     groups: tuple[Group, ...]
     receivers: tuple[str, ...]
     seeded: tuple[str, ...]
@@ -150,7 +150,7 @@ class Campaign:
 
 
 @dataclass(frozen=True)
-class Run:
+class CampaignRun:
     """A run. ``place`` is the index of its point, from 0; ``replicate`` counts from 1."""
 
     place: int
@@ -192,7 +192,7 @@ def _prepared(study: Definition, how: How) -> Campaign:
                     free = {f"{name}.seed" for name in seeded} | {c.target for c in handovers}
                 digest = point_digest(study, number, system, plan, free, texts)
                 of_study = tuple(v if isinstance(v, str) else float(v) for v in values)
-                points.append(Point(number, of_study, system, digest))
+                points.append(PreparedPoint(number, of_study, system, digest))
                 plans.append(plan)
     for line in no_effect(study.base, keys):  # keys without effect at any point
         warnings.warn(line, NoEffectWarning, stacklevel=2)
@@ -212,7 +212,7 @@ def _prepared(study: Definition, how: How) -> Campaign:
 def _of_function(study: Definition, model: StandIn, step_timeout: float | None) -> Campaign:
     """The campaign of a function that replaces the simulation."""
     points = [
-        Point(
+        PreparedPoint(
             number, values, System({}, ()),
             hashlib.sha256(f"{model.sha256} {number} {study.at(number)}".encode()).hexdigest(),
         )
@@ -291,7 +291,7 @@ def _warnings_once(points: int) -> Iterator[None]:
         warnings.warn(f"{message}{at}", category, stacklevel=4)
 
 
-def _check_effects(study: Definition, points: Iterable[Point]) -> None:
+def _check_effects(study: Definition, points: Iterable[PreparedPoint]) -> None:
     """Refuse factors that change nothing: their points would repeat the same runs."""
     first: dict[str, int] = {}
     for point in points if study.sample is None else ():
@@ -417,16 +417,16 @@ def _json(value: Any) -> str:
     return repr(value) if type(value) is float and math.isfinite(value) else _encode(value)
 
 
-def batch(campaign: Campaign, first: int, replicates: int) -> list[Run]:
+def batch(campaign: Campaign, first: int, replicates: int) -> list[CampaignRun]:
     """All points of some replicates."""
-    runs: list[Run] = []
+    runs: list[CampaignRun] = []
     for replicate in range(first, min(first + replicates, campaign.study.replicates + 1)):
         runs += [run_of(campaign, place, replicate) for place in range(len(campaign.points))]
     return runs
 
 
-def run_of(campaign: Campaign, place: int, replicate: int) -> Run:
+def run_of(campaign: Campaign, place: int, replicate: int) -> CampaignRun:
     """A run by the index of its point and its replicate."""
     point = campaign.points[place]
     seed = campaign.study.run_seed(point.number, replicate)
-    return Run(place, replicate, seed, point.run_id(seed))
+    return CampaignRun(place, replicate, seed, point.run_id(seed))

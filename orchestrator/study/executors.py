@@ -43,20 +43,20 @@ from ..simulation.code.user_code import InFile
 from ..simulation.how import HOW, How
 from ..simulation.user.files import for_others
 from .batch import simulate
-from .campaign import Campaign, Run
+from .campaign import Campaign, CampaignRun
 
 EXECUTORS = ("threads", "processes")
 """Names of the executors on this machine."""
 PATIENCE = 5
 """Time limit for a scheduler to answer [s]."""
 
-Done = Callable[[Sequence[Run], float], None]
+Done = Callable[[Sequence[CampaignRun], float], None]
 """Called with some runs and the completed share of them, 0 to 1."""
-Simulated = Iterator[tuple[Sequence[Run], pd.DataFrame]]
+Simulated = Iterator[tuple[Sequence[CampaignRun], pd.DataFrame]]
 """Parts of a campaign and their tables, in order."""
 
 
-Simulate = Callable[[Iterable[Sequence[Run]], Done], Simulated]
+Simulate = Callable[[Iterable[Sequence[CampaignRun]], Done], Simulated]
 """Simulates parts of a campaign."""
 
 
@@ -96,7 +96,7 @@ def _here(
     campaign: Campaign,
     how: How,
     children: Children,
-    parts: Iterable[Sequence[Run]],
+    parts: Iterable[Sequence[CampaignRun]],
     done: Done,
 ) -> Simulated:
     for part in parts:
@@ -112,7 +112,7 @@ def _spread(
     parcel: Any,
     workers: int,
     master: str | None,
-    parts: Iterable[Sequence[Run]],
+    parts: Iterable[Sequence[CampaignRun]],
     done: Done,
     *,
     ours: bool = False,
@@ -121,7 +121,7 @@ def _spread(
 
     ``ours``: the pool ends with the runs, together with anything it has not begun.
     """
-    pending: deque[tuple[Sequence[Run], list[Future[pd.DataFrame]]]] = deque()
+    pending: deque[tuple[Sequence[CampaignRun], list[Future[pd.DataFrame]]]] = deque()
     rest = iter(parts)
     try:
         while True:
@@ -430,7 +430,7 @@ def _same(parcel: Parcel) -> Parcel:
     return parcel
 
 
-def _work(parcel: Parcel, runs: Sequence[Run], master: str | None) -> pd.DataFrame:
+def _work(parcel: Parcel, runs: Sequence[CampaignRun], master: str | None) -> pd.DataFrame:
     """Task of a worker, in one thread."""
     return simulate(unpack(parcel), runs, How(master, workers=1), _CHILDREN)
 

@@ -23,7 +23,7 @@ _ALIKE = TICK_PARAMETERS | {c.variant for c in COMPONENTS.values() if c.variant 
 
 
 @dataclass(frozen=True, eq=False)
-class Point:
+class PreparedPoint:
     """A design point, ready to be run with any seed.
 
     Attributes
@@ -86,7 +86,7 @@ def _kind(spec: ComponentSpec) -> Hashable:
 
 
 def grouped(
-    points: Sequence[Point],
+    points: Sequence[PreparedPoint],
     plans: Sequence[Plan],
     free: Iterable[str],
     master: str | None,

@@ -27,7 +27,7 @@ from pyarrow import parquet
 from sblcosim.fmus import files
 
 from ..errors import ConfigurationError, one_line
-from .campaign import Campaign, Run
+from .campaign import Campaign, CampaignRun
 
 RUNS = "runs.parquet"
 PARTS = "parts"
@@ -291,7 +291,9 @@ def _ordered(arrow: pa.Table) -> pa.Table:
 # --- Writing -------------------------------------------------------------------------------------
 
 
-def write(folder: Path, campaign: Campaign, runs: Sequence[Run], made: pd.DataFrame) -> Path:
+def write(
+    folder: Path, campaign: Campaign, runs: Sequence[CampaignRun], made: pd.DataFrame
+) -> Path:
     """Store some runs as a part, which appears when it is complete."""
     ids = hashlib.sha256(" ".join(r.run_id for r in runs).encode()).hexdigest()[:16]
     arrow = pa.Table.from_pandas(made, preserve_index=False)

@@ -24,7 +24,7 @@ from . import executors, parts
 from .batch import simulate, steps_of
 from .campaign import (
     Campaign,
-    Run,
+    CampaignRun,
     batch,
     prepare,
     run_of,
@@ -129,21 +129,22 @@ def _completed(
     there: Parts,
     what: Missing,
     simulated: executors.Simulate,
-    some: Iterable[list[Run]],
+    some: Iterable[list[CampaignRun]],
     how: How,
 ) -> Parts:
     """Do the missing runs, and write each part when it is finished."""
     passed = 0
-    counted: tuple[Sequence[Run], int] = (), 0  # the last part, whose progress is reported often
+    # The last part, whose progress is reported often.
+    counted: tuple[Sequence[CampaignRun], int] = (), 0
     written: list[Path] = []
 
-    def work(runs: Sequence[Run]) -> int:
+    def work(runs: Sequence[CampaignRun]) -> int:
         nonlocal counted
         if counted[0] is not runs:
             counted = runs, sum(steps_of(campaign, runs))
         return counted[1]
 
-    def done(part: Sequence[Run], share: float) -> None:
+    def done(part: Sequence[CampaignRun], share: float) -> None:
         how.tell((passed + share * work(part)) / what.steps)
 
     for part, rows in simulated(some, done):
@@ -202,7 +203,7 @@ def _alone(campaign: Campaign) -> bool:
 
 def _missing(
     campaign: Campaign, what: Missing | None, how: How, most: int | None = None
-) -> Iterator[list[Run]]:
+) -> Iterator[list[CampaignRun]]:
     """All runs except finished ones, in parts that are stored together, ``most`` at a time.
 
     Without ``what``, these are all runs.
@@ -243,7 +244,7 @@ class Missing:
     steps: int
     by_point: tuple[int, ...]
 
-    def has(self, run: Run) -> bool:
+    def has(self, run: CampaignRun) -> bool:
         """Whether a run is finished."""
         return run.replicate <= len(self.done) and bool(self.done[run.replicate - 1, run.place])
 
@@ -327,7 +328,7 @@ def _estimated(
 
 
 def _timed(
-    campaign: Campaign, runs: Sequence[Run], how: How, children: Children
+    campaign: Campaign, runs: Sequence[CampaignRun], how: How, children: Children
 ) -> tuple[float, float]:
     """Wall time and processor time of some runs [s]."""
     wall, processor = time.perf_counter(), time.process_time()
@@ -335,7 +336,7 @@ def _timed(
     return time.perf_counter() - wall, time.process_time() - processor
 
 
-def _sample(campaign: Campaign, what: Missing, size: int) -> list[Run]:
+def _sample(campaign: Campaign, what: Missing, size: int) -> list[CampaignRun]:
     """The first missing runs of each group, ``size`` at most."""
     replicates = campaign.study.replicates
     chosen: list[tuple[int, int]] = []

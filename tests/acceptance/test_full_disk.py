@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import made_logs
 import pytest
 from said import apart_from_compiling
 
@@ -20,6 +21,13 @@ COMMANDS = {
     "run into an empty folder": ["run", "paper-scenario-1", "--set", "time.duration_s=5", "--out",
                                  "PLACE/empty", "--no-figures"],
     "calibrate": ["calibrate", "--out", "PLACE/mine"],
+    "run with its log and paths": ["run", "paper-scenario-1", "--set", "time.duration_s=5", "--out",
+                                   "PLACE/mine", "--no-figures", "--log", "--trajectories", "tum"],
+    "log": ["log", "PLACE/../dive", "--out", "PLACE/mine", "--no-figures", "--convert"],
+    "log with its picture": ["log", "PLACE/../dive", "--out", "PLACE/mine"],
+    "process": ["process", "PLACE/../dive", "--receiver", "sequential", "--out", "PLACE/mine",
+                "--no-figures", "--trajectories", "tum"],
+    "identify": ["identify", "PLACE/../dive", "--out", "PLACE/mine", "--no-figures"],
     "study": ["study", "paper-scenario-1", "--replicates", "1", "--out", "PLACE/study"],
 }  # fmt: skip
 
@@ -85,6 +93,7 @@ def test_every_file_is_there_whole_or_not_at_all(
 ) -> None:
     place = tmp_path / "place"
     place.mkdir()
+    made_logs.in_folder(tmp_path / "dive")
     done = subprocess.run(
         [*prefix, *([str(place)] if full == "disk" else []), sys.executable, "-c", SCRIPT,
          str(place), json.dumps(COMMANDS), full],

@@ -132,6 +132,18 @@ def test_parameters_differ_from_run_to_run() -> None:
         same(outcome, run, alone)
 
 
+@pytest.mark.filterwarnings("ignore::sblcosim.errors.NoEffectWarning")
+def test_seas_with_a_spectrum_differ_from_run_to_run() -> None:
+    sea = {"platform.motion": "spectrum", "platform.watch_circle_m": 3.0}
+    heights, counts = [0.2, 0.6, 2.0], [16, 5, 1]
+    plan = plan_of("realistic-dive", **sea)
+    varied = {"platform.wave_height": heights, "platform.wave_components": counts}
+    outcome = lanes.execute(plan, varied, record=everything(plan))
+    for run in range(3):
+        own = {"platform.wave_height_m": heights[run], "platform.wave_components": counts[run]}
+        same(outcome, run, plan_of("realistic-dive", **sea, **own))
+
+
 def test_sums_are_those_of_the_record() -> None:
     scenario = sblcosim.load("realistic-dive", {"time.duration_s": 120.0})
     plan = resolve(connect(scenario, RECEIVERS))

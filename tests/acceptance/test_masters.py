@@ -68,6 +68,14 @@ def test_native_gives_the_record_of_the_python_master(scenario: str, variant: st
     same(native.execute(plan), reference)
 
 
+def test_a_sea_with_a_spectrum_is_the_same_with_both() -> None:
+    sea = {"platform.motion": "spectrum", "platform.wave_height_m": 0.6, "time.duration_s": 12.0}
+    plan = resolve(connect(sblcosim.load("harbour-square", sea), "ekf", tell_idle=False))
+    reference = python.execute(plan)
+    assert np.ptp(reference.values["platform.attitude"][:, 0]) > 0.01
+    same(native.execute(plan), reference)
+
+
 def test_both_masters_give_the_same_result() -> None:
     results = [
         sblcosim.run("paper-scenario-1", RECEIVERS, SHORT, master=name)

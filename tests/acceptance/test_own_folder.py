@@ -192,12 +192,19 @@ HANG = (
     "while True: pass\n"
 )
 """It says so first: time counts from then on (`only_hangs_take_time`)."""
+def made_log(out: Path) -> Path:
+    """The log of a simulated dive."""
+    sblcosim.run("harbour-square", "sequential", SHORT).save(out, figures=False, log=True)
+    return out / "log"
+
+
 WITH_A_LIMIT: dict[str, Callable[[str, Path], object]] = {
     "run": lambda made, out: sblcosim.run("harbour-square", made, SHORT, step_timeout=0.5),
     "compare": lambda made, out: sblcosim.compare(
         "harbour-square", ["ekf", made], overrides=SHORT, runs=2, step_timeout=0.5),
     "run_many": lambda made, out: run_many(
         "harbour-square", made, SHORT, runs=2, step_timeout=0.5),
+    "process": lambda made, out: sblcosim.process(made_log(out), made, step_timeout=0.5),
     "study": lambda made, out: study.load({
         "scenario": "harbour-square", "fixed": SHORT, "design": {"kind": "single"},
         "receivers": [made],
@@ -255,7 +262,7 @@ def test_while_the_compiler_works_the_process_goes_on(tmp_path: Path, seam: Seam
 
     def compiled(file: str, of: str, make: Callable[[], Any], fmi: int) -> Path:
         make()
-        assert heard.again.wait(60)
+        assert heard.again.wait(600)
         return tmp_path / file
 
     seam.instead(factory.kept_fmu, compiled)

@@ -169,6 +169,7 @@ def further(copy: Copy) -> list[str]:
     return rows
 
 
+@pytest.mark.slow
 def test_a_response(copy: Copy) -> None:
     done(copy, "Add a response")
     (row,) = [one for one in further(copy) if "settled_s" in one]
@@ -178,6 +179,7 @@ def test_a_response(copy: Copy) -> None:
     assert 0.0 <= table[column][0] <= 20.0
 
 
+@pytest.mark.slow
 def test_a_figure(copy: Copy) -> None:
     done(copy, "Add a figure")
     (row,) = [one for one in further(copy) if "depth" in one]
@@ -200,6 +202,7 @@ print(json.dumps({
 """
 
 
+@pytest.mark.slow
 def test_a_column_of_the_table_of_errors(copy: Copy) -> None:
     title = "Add a column to the table of errors"
     edits = [text for language, text in recipe(title) if language == "diff"]

@@ -139,6 +139,7 @@ def test_a_schedule_and_a_content_of_packets(all_of_them: Copy) -> None:
     assert found["n"] > 5
 
 
+@pytest.mark.slow
 def test_a_schedule_and_a_content_run_as_they_are_said(all_of_them: Copy) -> None:
     for title in ("Add a schedule", "Add packet content"):
         (commands,) = [text for language, text in recipe(title) if language == "sh"]

@@ -122,7 +122,8 @@ def test_release_is_a_wheel_for_each_platform_with_fmus_for_all(tmp_path: Path) 
         with zipfile.ZipFile(path) as archive:
             ready = [Path(n) for n in archive.namelist() if n.startswith("sblcosim/fmus/ready/")]
             drivers = {p.name for p in ready if p.suffix not in (".fmu", ".sha256")}
-            assert drivers == {n + suffixes[tag[:3]] for n in ("native", "lanes_master", "bound")}
+            loops = ("native", "lanes_master", "replay", "innovations", "bound")
+            assert drivers == {n + suffixes[tag[:3]] for n in loops}
             fmus = [p for p in ready if p.suffix == ".fmu"]
             names = [*COMPONENTS, *(f"target{points}" for points in CAPACITIES[1:])]
             assert sorted(p.stem for p in fmus) == sorted(2 * names)

@@ -205,9 +205,9 @@ def long_run(folder: Path) -> None:
     ("name", "number", "group"),
     [
         ("run", signal.SIGTERM, False),
-        ("study processes", signal.SIGTERM, False),
+        pytest.param("study processes", signal.SIGTERM, False, marks=pytest.mark.slow),
         ("study processes", signal.SIGTERM, True),
-        ("study native", signal.SIGINT, False),
+        pytest.param("study native", signal.SIGINT, False, marks=pytest.mark.slow),
         ("study of a python receiver", signal.SIGTERM, True),
         ("run a receiver's folder", signal.SIGINT, False),
         ("map, possible", signal.SIGTERM, False),

@@ -18,7 +18,8 @@ CHOSEN = ("ekf", "sequential", "coupled", "fixed_lag")
 RECEIVERS = (*CHOSEN, "raw")
 SCENARIO = {
     "time": {"sampling_time_s": 0.1, "ekf_ratio": 2, "duration_s": 12.0},
-    "platform": {"beaufort": 3, "gps_horizontal_std_m": 0.5, "imu_tilt_std_deg": 1.0,
+    "platform": {"beaufort": 3, "motion": "spectrum", "watch_circle_m": 3.0,
+                 "gps_horizontal_std_m": 0.5, "imu_tilt_std_deg": 1.0,
                  "gps_horizontal_markov_std_m": 0.5},
     "acoustics": {"loss_probability": 0.2, "outlier_probability": 0.05},
     "receiver": {"lag_s": 0.4},

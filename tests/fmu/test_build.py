@@ -303,7 +303,7 @@ FOUR = tuple(name for name in PLATFORMS if name != "x86_64-windows")
 @pytest.mark.parametrize(
     ("name", "platforms"),
     [
-        (SMALL, FOUR),
+        pytest.param(SMALL, FOUR, marks=pytest.mark.slow),
         *(pytest.param(name, PLATFORMS, marks=pytest.mark.slow) for name in COMPONENTS),
     ],
 )

@@ -21,7 +21,7 @@ from sblcosim.models import COMPONENTS
 HERE = Path(__file__).parent
 SEED = int(os.environ.get("SBLCOSIM_FUZZ_SEED", "20210123"))
 CALLS = pytest.mark.parametrize(
-    "calls", [30_000, pytest.param(1_000_000, marks=pytest.mark.slow)]
+    "calls", [3_000, pytest.param(1_000_000, marks=pytest.mark.slow)]
 )
 LONG = ("coupled", "fixed_lag", "long_baseline")
 """Components that take long; the code around them is that of all others."""

@@ -22,6 +22,8 @@ from sblcosim.simulation.plans.plan import Plan
 from sblcosim.simulation.resolve import resolve
 from sblcosim.simulation.system import Connection
 
+from .from_the_model import dive, platform
+
 Floats = NDArray[np.float64]
 Inputs = dict[str, NDArray[Any]]
 
@@ -94,25 +96,12 @@ def test_where_motion_is_drawn_it_is_near_the_bound(
     source: str, sampling_time: float, arm: float
 ) -> None:
     """Motion, errors of the sensors and noise are drawn from the filter's own model."""
-    start = {"prior_position_m": [15.0, 0.0, 15.0], "prior_position_std_m": 1.0,
-             "prior_velocity_std_m_s": 0.1}
-    scenario = sblcosim.load({
-        "time": {"sampling_time_s": sampling_time, "duration_s": 60.0},
-        "target": {
-            "trajectory": "white_noise_acceleration", "acceleration_psd_m2_s3": 0.002,
-            "initial_position_m": start["prior_position_m"], "initial_position_std_m": 1.0,
-            "initial_velocity_std_m_s": 0.1, "depth_std_m": 0.05,
-        },
-        "platform": {
-            "arm_length_m": arm, "gps_horizontal_std_m": 0.1, "gps_horizontal_markov_std_m": 1.2,
-            "gps_correlation_time_s": 120.0, "imu_heading_std_deg": 1.0,
-            "imu_heading_turn_on_std_deg": 3.0, "imu_tilt_std_deg": 0.5,
-        },
-        "acoustics": {"range_std_m": 0.1, "loss_probability": 0.25, "clock_offset_s": 9e-4,
-                      "sound_speed_m_s": 1530.0},
-        "receiver": {"initialisation": "prior", "acceleration_psd_m2_s3": 0.002,
-                     "pose_source": source, **start},
-    })
+    scenario = dive(
+        {"sampling_time_s": sampling_time, "duration_s": 60.0}, platform(arm),
+        {"range_std_m": 0.1, "loss_probability": 0.25, "clock_offset_s": 9e-4,
+         "sound_speed_m_s": 1530.0},
+        {"acceleration_psd_m2_s3": 0.002, "pose_source": source},
+    )
     runs = RUNS
     rng = np.random.default_rng(1)
     drawn = {  # biases that a scenario fixes

@@ -16,6 +16,8 @@ from sblcosim.scenario.wiring import connect
 from sblcosim.simulation.masters.lanes import execute
 from sblcosim.simulation.resolve import resolve
 
+from .from_the_model import dive, platform
+
 ALLOWED = {"short arms, poor ranges": 0.02, "late": 0.004, "bottom, 3 nearly on a line": 0.02}
 """Share of runs with a NEES above 15, where it is not that of all cells."""
 QUICK = ("short arms", "late", "4, slow turns", "bottom, 4, white", "bottom, 3, turns")
@@ -69,23 +71,10 @@ def test_a_diver_on_the_line_of_the_beacons_is_seldom_lost_on_the_wrong_side() -
 
 def matched(q: float, arm: float, duration: float = 60.0) -> sblcosim.Scenario:
     """A dive whose motion is drawn from the filter's model."""
-    start = {"prior_position_m": [15.0, 0.0, 15.0], "prior_position_std_m": 1.0,
-             "prior_velocity_std_m_s": 0.1}
-    return sblcosim.load({
-        "time": {"sampling_time_s": 1.0, "duration_s": duration},
-        "target": {
-            "trajectory": "white_noise_acceleration", "acceleration_psd_m2_s3": q,
-            "initial_position_m": start["prior_position_m"], "initial_position_std_m": 1.0,
-            "initial_velocity_std_m_s": 0.1, "depth_std_m": 0.05,
-        },
-        "platform": {
-            "arm_length_m": arm, "gps_horizontal_std_m": 0.1, "gps_horizontal_markov_std_m": 1.2,
-            "gps_correlation_time_s": 120.0, "imu_heading_std_deg": 1.0,
-            "imu_heading_turn_on_std_deg": 3.0, "imu_tilt_std_deg": 0.5,
-        },
-        "acoustics": {"range_std_m": 0.1, "loss_probability": 0.25},
-        "receiver": {"initialisation": "prior", "speed_limit_m_s": 20.0, **start},
-    })
+    return dive(
+        {"sampling_time_s": 1.0, "duration_s": duration}, platform(arm),
+        {"range_std_m": 0.1, "loss_probability": 0.25}, {"speed_limit_m_s": 20.0}, q,
+    )
 
 
 def drawn(q: float, runs: int, psd: float, arm: float) -> tuple[float, float, float, float]:

@@ -15,6 +15,8 @@ from sblcosim.scenario.wiring import connect
 from sblcosim.simulation.masters.lanes import execute
 from sblcosim.simulation.resolve import resolve
 
+from .from_the_model import dive
+
 BOTTOM = {
     "beacon_m": [[40, 40, 20], [40, -40, 20], [-40, -40, 21], [-40, 40, 19]],
     "mounting_std_m": 0.5,
@@ -40,21 +42,12 @@ RECORDED = (
 def drawn(platform: Mapping[str, Any], receiver: str, schedule: str, runs: int
           ) -> tuple[float, float, float]:
     """RMS error [m], its ratio to the bound, and mean NEES, over many runs."""
-    start = {"prior_position_m": [15.0, 0.0, 15.0], "prior_position_std_m": 1.0,
-             "prior_velocity_std_m_s": 0.1}
-    scenario = sblcosim.load({
-        "time": {"sampling_time_s": 1.0, "duration_s": 120.0},
-        "target": {
-            "trajectory": "white_noise_acceleration", "acceleration_psd_m2_s3": 0.002,
-            "initial_position_m": start["prior_position_m"], "initial_position_std_m": 1.0,
-            "initial_velocity_std_m_s": 0.1, "depth_std_m": 0.05,
-        },
-        "platform": platform,
-        "acoustics": {"range_std_m": 0.1, "loss_probability": 0.25, "clock_offset_s": 9e-4,
-                      "sound_speed_m_s": 1530.0, "schedule": schedule},
-        "receiver": {"type": receiver, "initialisation": "prior",
-                     "acceleration_psd_m2_s3": 0.002, **start},
-    })
+    scenario = dive(
+        {"sampling_time_s": 1.0, "duration_s": 120.0}, platform,
+        {"range_std_m": 0.1, "loss_probability": 0.25, "clock_offset_s": 9e-4,
+         "sound_speed_m_s": 1530.0, "schedule": schedule},
+        {"type": receiver, "acceleration_psd_m2_s3": 0.002},
+    )
     plan = resolve(connect(scenario))
     rng = np.random.default_rng(1)
     outcome = execute(plan, {

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import sblcosim
+from quick import few
 from sblcosim.estimation.after import prepared
 
 from .test_learned_motion import CELLS
@@ -99,7 +100,7 @@ def beside_the_filter(
     return tracks
 
 
-@pytest.mark.parametrize("q", ["learned", 0.03])
+@pytest.mark.parametrize("q", few(["learned", 0.03], quick=["learned"]))
 def test_the_smoother_on_a_track_with_corners(q: float | str) -> None:
     """Without heat in its first passes, it ends at 0.8 of the filter, with a NEES of 4.4."""
     tracks = beside_the_filter("4, corners, loss", 12, q, 0.65, 4.0)

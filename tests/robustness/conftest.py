@@ -16,6 +16,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "unit" / "orchestrator"))
 sys.path.insert(0, str(Path(__file__).parents[1] / "fmu" / "stranger"))
 sys.path.insert(0, str(Path(__file__).parent))
 
+import log_samples
+import made_logs
 from command_line import CommandLine, Inputs
 from shared import shared
 
@@ -70,6 +72,9 @@ def _fill(made: Inputs, base: Path) -> None:
     (folder / "scenario.toml").write_text(text.replace('duration_s = "path"', "duration_s = 4.0"))
     (folder / "study.toml").write_text(STUDY)
     (folder / "costs.toml").write_text(COSTS)
+    made_logs.in_folder(folder / "dive")
+    (folder / "dive.nmea").write_text(log_samples.nmea()["dive.nmea"])
+    (folder / "mapping.toml").write_text('[mapping.receptions]\nfile = "receptions.csv"\n')
     for fmi in (2, 3):
         shutil.copy(build("ekf", fmi), folder / f"ekf{fmi}.fmu")
         for name in COMPONENTS:  # so that nothing is compiled again

@@ -24,7 +24,7 @@ NAMES = [
     "paper-scenario-1", "harbour-square", "ekf", "sequential", "multilateration", "native",
     "python", "lanes", "threads", "log", "results/study.json", ".", "seed=3",
     "platform.arm_length_m=1", "time.duration_s=2", "receiver.gate=3", "absolute_total_rms_m",
-    "0", "2", "3",
+    "0", "2", "3", "dive", "dive/receptions.csv", "dive.nmea", "mapping.toml",
 ]  # fmt: skip
 """What makes sense somewhere."""
 LONG = "x" * 3000
@@ -97,7 +97,12 @@ def test_anything_typed_gives_a_result_or_a_line(
     "build ekf --out X", "check X", "check DEEP", "conformance X",
     "conformance ekf2.fmu --check X", "export ssp X", "export ssp scenario.toml --out X",
     "export fmu X", "export X", "budget X", "budget scenario.toml --with X",
-    "budget scenario.toml --out X",
+    "budget scenario.toml --out X", "log X", "log DEEP", "log study.toml --mapping X",
+    "log dive --out X", "log dive/receptions.csv --mapping X", "process X", "process DEEP",
+    "process dive --receiver X", "process dive --set X", "process dive --scenario X",
+    "process dive --trajectories X", "process dive --interval X", "process dive --out X",
+    "identify X", "identify DEEP", "identify dive --scenario X", "identify dive --out X",
+    "run scenario.toml --trajectories X", "run scenario.toml --log --out X",
     "budget scenario.toml --frame X", "budget scenario.toml --receiver X",
 ])  # fmt: skip
 def test_long_values_are_shortened(inputs: Inputs, tmp_path: Path, line: str) -> None:

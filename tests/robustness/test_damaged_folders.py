@@ -19,6 +19,7 @@ from sblcosim import artifacts, manifests
 from sblcosim.cli.common.app import app
 from sblcosim.errors import ConfigurationError, ConfigurationWarning, DamageWarning
 from sblcosim.estimation.folder import read_run
+from sblcosim.logs.read import read_log
 from sblcosim.study import store
 from seams import Seam
 from typer.testing import CliRunner
@@ -62,6 +63,11 @@ MADE = {
     "map": ("map", "paper-scenario-1", "--area", "20x20", "--depth", "5", "--cells", "2",
             "--runs", "2", "--duration", "6", "--settling", "2", *_BARE),
     "calibration": ("calibrate", "--pings", "5"),
+    "logged": ("run", "harbour-lbl", "--set", "time.duration_s=60", "--receiver", "sequential",
+               "--log", "--trajectories", "tum", *_BARE),
+    "contents": ("log", "logged/log", "--convert", *_BARE),
+    "processed": ("process", "logged/log", *_BARE),
+    "device": ("identify", "logged/log", *_BARE),
     "package": ("run", "paper-scenario-1.ssp", *_BARE),
     "analysis": ("analyse", "study"),
     "advice": ("advise", "study", "--costs", "costs.toml", "--limit", "9"),
@@ -179,6 +185,26 @@ def folder_edited(folder: Path) -> tuple[str, ...]:
     """How what is said of a scenario begins that is not as it was written."""
     path = folder / "scenario.toml"
     return f"{path}: was edited or damaged after the run; ", f"{path}: must be unchanged, or e"
+
+
+@pytest.mark.parametrize("kind", ["logged/log", "contents/log"])
+def test_every_flipped_bit_is_noticed_where_a_log_is_read(own: Path, kind: str) -> None:
+    folder = own / kind
+
+    def remarks() -> list[str]:
+        try:
+            return [it for it in read_log(folder).remarks if it not in before]
+        except ConfigurationError as error:
+            return [str(error)]
+
+    before: list[str] = []
+    before = remarks()
+    names = {path.name for path in folder.iterdir()}
+    assert {"receptions.csv", "depth.csv", "meta.toml", "scenario.toml", "manifest.json"} <= names
+    for path in sorted(folder.iterdir()):
+        for bit in flipped(path, FLIPS * (10 if path.name == manifests.MANIFEST else 1)):
+            said = remarks()
+            assert any(path.name in line for line in said), (path, bit, said)
 
 
 def test_every_flipped_bit_is_noticed_where_a_study_is_read(own: Path) -> None:

@@ -42,10 +42,13 @@ NOT_YET = ("tests/",)
 
 def texts() -> Iterator[tuple[str, str]]:
     """Place and text of each piece of prose, each on one line."""
-    listed = subprocess.run(
-        ["git", "ls-files", "--cached", "--others", "--exclude-standard"],
-        cwd=ROOT, check=True, capture_output=True, text=True,
-    ).stdout.splitlines()
+    if (ROOT / ".git").exists():
+        listed = subprocess.run(
+            ["git", "ls-files", "--cached", "--others", "--exclude-standard"],
+            cwd=ROOT, check=True, capture_output=True, text=True,
+        ).stdout.splitlines()
+    else:  # a copy, without what git ignores
+        listed = [path.relative_to(ROOT).as_posix() for path in sorted(ROOT.rglob("*"))]
     for name in listed:
         path = ROOT / name
         if path.suffix in PROSE and is_covered(name) and path.is_file():

@@ -36,26 +36,30 @@ def means(
     -------
     DataFrame
         ``factor``, ``value``, ``runs``, ``mean``, ``std``, and ``low`` and ``high``, the confidence
-        interval of the mean (Student's; NaN for a single run). One row for each level. Without
-        factors, one row for all runs, with factor ``""``.
+        interval of the mean (Student's; NaN for a single run). If no run is below 0, the interval
+        ends there. One row for each level. Without factors, one row for all runs, with factor
+        ``""``.
     """
     finite = table[np.isfinite(table[response])]
+    floor = 0.0 if finite[response].min() >= 0 else -np.inf
     rows: list[tuple[object, ...]] = []
     if not factors:
-        rows.append(("", np.nan, *_mean(finite[response], confidence)))
+        rows.append(("", np.nan, *_mean(finite[response], confidence, floor)))
     for i, factor in enumerate(factors):
         mine = finite
         for j, other in enumerate(factors):
             if j != i:
                 mine = mine[mine[other] == base[j]]
         rows += [
-            (factor, value, *_mean(group, confidence))
+            (factor, value, *_mean(group, confidence, floor))
             for value, group in mine.groupby(factor, sort=True)[response]
         ]
     return pd.DataFrame(rows, columns=MEANS.names)
 
 
-def _mean(values: pd.Series[float], confidence: float) -> tuple[int, float, float, float, float]:
+def _mean(
+    values: pd.Series[float], confidence: float, floor: float
+) -> tuple[int, float, float, float, float]:
     n = len(values)
     if not n:
         return 0, np.nan, np.nan, np.nan, np.nan
@@ -63,7 +67,7 @@ def _mean(values: pd.Series[float], confidence: float) -> tuple[int, float, floa
     mean = y.centre + float(y.off.mean())
     std = float(y.off.std(ddof=1)) if n > 1 else np.nan
     reach = float(stats.t.ppf((1 + confidence) / 2, n - 1)) * std / n**0.5 if n > 1 else np.nan
-    return n, mean, std, mean - reach, mean + reach
+    return n, mean, std, float(np.maximum(mean - reach, floor)), mean + reach
 
 
 def plot_means(
@@ -85,7 +89,8 @@ def plot_means(
             panel.set_axis_off()
         for panel, factor in zip(ax, factors, strict=False):
             mine = table[table["factor"] == factor]
-            reach = (mine["high"] - mine["mean"]).fillna(0.0)
+            reach = [(mine["mean"] - mine["low"]).fillna(0.0),
+                     (mine["high"] - mine["mean"]).fillna(0.0)]
             panel.errorbar(mine["value"], mine["mean"], reach, fmt="-o", ms=4.5, capsize=3,
                            color=look.receivers[1])
             unit = (units or {}).get(factor)

@@ -155,13 +155,14 @@ def plot_main_effects(
 
     Bars are intervals of the means. An effect is the difference of two equally uncertain means, so
     its interval is √2 times as long. Effects within replicates are more certain than their means
-    and have no bars.
+    and have no bars. Bars of a response that is never below 0 end there.
     """
     with use(theme, ax) as look:
         factors = analysis.factors
         reach = (analysis.effects["high"] - analysis.effects["low"]) / 2 / np.sqrt(2)
         if analysis.replicate_effects is not None:
             reach *= np.nan
+        floor = _floor(analysis)
         own = ax is None
         if ax is None:
             ax = new_figure(max(4.0, 1.2 + 0.95 * len(factors)), 3.8).add_subplot()
@@ -171,7 +172,9 @@ def plot_main_effects(
         names: list[str] = []
         for i, (name, table) in enumerate(analysis.main_effects.groupby("factor", sort=False)):
             x = 2.0 * i + np.array([0.0, 1.0])
-            ax.errorbar(x, table["mean"], np.full(2, reach.get(name, np.nan)), fmt="-o", ms=5,
+            bar = np.full((2, 2), reach.get(name, np.nan))
+            bar[0] = np.minimum(bar[0], table["mean"] - floor)
+            ax.errorbar(x, table["mean"], bar, fmt="-o", ms=5,
                         lw=1.6, capsize=3, elinewidth=1, color=look.receivers[0])
             ticks += [*x]
             names += [f"{value:g}" for value in table["value"]]
@@ -192,6 +195,12 @@ def plot_main_effects(
         ax.set_title(f"Main effects on {analysis.quantity}", loc="left")
         add_legend(ax, own)
     return ax
+
+
+def _floor(analysis: Factorial) -> float:
+    """The value below which no mean can be: 0 if no run is below."""
+    runs = analysis.table[analysis.response].to_numpy(np.float64, na_value=np.nan)
+    return 0.0 if analysis.transform == "none" and np.nanmin(runs) >= 0 else -np.inf
 
 
 def plot_residuals(

@@ -27,6 +27,7 @@ from ..common.app import (
     one_receiver,
     overrides,
     report,
+    unless_other,
     waiting,
 )
 from ..common.keeping import keeping
@@ -146,6 +147,7 @@ def map_(
                 given, *where, one_receiver(receiver), limit_m=limit, error=error,
                 duration_s=duration, settling_s=settling, radius_m=radius, speed_m_s=speed,
                 workers=workers, progress=progress, keep=keep,
+                before=unless_other(wanted, other),
                 **{key: it for key, it in numbers.items() if it is not None},
             )
             folder = found.save(wanted, figures=not no_figures, other=other)

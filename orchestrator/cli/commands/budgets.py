@@ -24,6 +24,7 @@ from ..common.app import (
     one_receiver,
     overrides,
     report,
+    unless_other,
     waiting,
 )
 from ..common.keeping import keeping
@@ -118,6 +119,7 @@ def budget(
                 workers=workers,
                 progress=progress,
                 keep=keep,
+                before=unless_other(wanted, other),
             )
             found.of(frame)  # refused before anything is written
             folder = found.save(wanted, figures=not no_figures, other=other)

@@ -17,9 +17,9 @@ from ..common.app import (
     overrides,
     waiting,
 )
-from ..common.outcome import Commands
+from ..common.outcome import App, Commands
 
-group = typer.Typer(cls=Commands, no_args_is_help=True, rich_markup_mode=None)
+group = App(cls=Commands, no_args_is_help=True, rich_markup_mode=None)
 app.add_typer(group, name="export", help="Write a scenario as one file for other tools.")
 
 

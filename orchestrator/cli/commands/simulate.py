@@ -22,6 +22,7 @@ from ..common.app import (
     SetOption,
     StepTimeoutOption,
     SvgOption,
+    TrajectoriesOption,
     VerboseOption,
     app,
     beside,
@@ -33,6 +34,7 @@ from ..common.app import (
     say,
     show,
     table,
+    unless_other,
     waiting,
     width,
 )
@@ -72,6 +74,13 @@ def run(
     animate: Annotated[
         bool, typer.Option("--animate", help="Add an animation of the run, MP4 or GIF.")
     ] = False,
+    log: Annotated[
+        bool,
+        typer.Option(
+            "--log", help="Add a log of the dive, for 'sblcosim process', in the subfolder log."
+        ),
+    ] = False,
+    trajectories: TrajectoriesOption = None,
     runs: Annotated[
         int | None,
         numeric("--runs", int, "N", "Number of runs, with consecutive seeds.", low=2),
@@ -94,8 +103,11 @@ def run(
     from ...results.figures.artist import forked_artist
 
     if runs is not None:
-        if animate:
-            raise ConfigurationError("--animate: must be given without --runs")
+        for option, given in (
+            ("--animate", animate), ("--log", log), ("--trajectories", trajectories),
+        ):  # fmt: skip
+            if given:
+                raise ConfigurationError(f"{option}: must be given without --runs")
         settled, name = _settled(scenario, receiver, set_, fmi, seed)
         wanted, other = destination(out, Path("runs", f"{name}-{runs}-runs"), force)
         with waiting() as progress, redirect_stdout(sys.stderr):
@@ -107,6 +119,7 @@ def run(
                 many = run_many(
                     settled, receiver or (), () if fmi is None else (f"fmi={fmi}",), runs=runs,
                     master=master, step_timeout=step_timeout, progress=progress, keep=keep,
+                    before=unless_other(wanted, other),
                 )  # fmt: skip
                 folder = many.save(wanted, figures=not no_figures, other=other)
         report(many, folder, wanted, as_json, verbose)
@@ -119,8 +132,12 @@ def run(
         redirect_stdout(sys.stderr),
     ):
         from ... import api, artifacts
+        from ...paths.folder import check
 
+        check(trajectories or ())
         settled, name = _settled(scenario, receiver, set_, fmi, seed)
+        if log and not hasattr(settled, "dump_toml"):
+            raise ConfigurationError("--log: must come with a scenario, got an SSP package")
         wanted, other = destination(out, Path("runs", name), force)
         artifacts.check(wanted, other=other)
         result = api.run(
@@ -130,10 +147,11 @@ def run(
             master=master,
             step_timeout=step_timeout,
             progress=progress,
-            before=lambda manifest: artifacts.check(wanted, manifest, other),
+            before=unless_other(wanted, other),
         )
         folder = result.save(
-            wanted, figures=not no_figures, other=other, artist=artist, animate=animate
+            wanted, figures=not no_figures, other=other, artist=artist, animate=animate, log=log,
+            trajectories=trajectories or (),
         )  # fmt: skip
     report(result, folder, wanted, as_json, verbose)
     refuse_silence(result)
@@ -200,6 +218,7 @@ def smooth(
     as_json: JsonOption = False,
     verbose: VerboseOption = False,
     no_figures: NoFiguresOption = False,
+    trajectories: TrajectoriesOption = None,
 ) -> None:
     """Estimate the track of a finished run from everything that was received in it.
 
@@ -213,14 +232,19 @@ def smooth(
     with forked_artist(not no_figures) as artist, waiting("smoothing"):
         from ... import artifacts
         from ...estimation.after import smooth as smooth_run
+        from ...paths.folder import check
 
+        check(trajectories or ())
         wanted, other = destination(out, beside(folder, "smoothed"), force)
         artifacts.check(wanted, other=other)
         smoothed = smooth_run(
             folder, set_ or (), range_offset_std_m=range_offset_std,
-            range_scale_std=range_scale_std,
+            range_scale_std=range_scale_std, before=unless_other(wanted, other),
         )
-        written = smoothed.save(wanted, figures=not no_figures, other=other, artist=artist)
+        written = smoothed.save(
+            wanted, figures=not no_figures, other=other, artist=artist,
+            trajectories=trajectories or (),
+        )  # fmt: skip
     report(smoothed, written, wanted, as_json, verbose)
 
 
@@ -318,6 +342,7 @@ def calibrate(
             pings=pings,
             seed=seed,
             fmi=3 if fmi == 3 else 2,
+            before=unless_other(wanted, other),
         )
         folder = result.save(wanted, other=other)
     report(result, folder, wanted, as_json)

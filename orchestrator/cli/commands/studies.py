@@ -26,6 +26,7 @@ from ..common.app import (
     say,
     show,
     table,
+    unless_other,
     waiting,
 )
 from ..common.outcome import kept, typed
@@ -248,7 +249,9 @@ def replay(
 
         wanted, other = destination(out, Path("runs", re.sub(r"\W", "_", run_id)), force)
         artifacts.check(wanted, other=other)
-        result = again(results, run_id, progress=progress)
+        result = again(
+            results, run_id, progress=progress, before=unless_other(wanted, other)
+        )
         folder = result.save(wanted, figures=not no_figures, other=other, artist=artist)
     report(result, folder, wanted, as_json, verbose)
     refuse_silence(result)

@@ -25,6 +25,7 @@ from ..common.app import (
     overrides,
     refuse_silence,
     report,
+    unless_other,
     waiting,
 )
 from ..common.keeping import keeping
@@ -121,6 +122,7 @@ def compare(
                 step_timeout=step_timeout,
                 progress=progress,
                 keep=keep,
+                before=unless_other(wanted, other),
                 same_start=same_start,
             )
             folder = found.save(wanted, figures=not no_figures, other=other)

@@ -6,7 +6,7 @@ import math
 import shutil
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,7 +15,7 @@ import typer
 
 from ...errors import ConfigurationError, resolved, shortened
 from . import completion
-from .outcome import ErrorReportingGroup, say_warnings
+from .outcome import App, ErrorReportingGroup, say_warnings
 
 if TYPE_CHECKING:
     from ...answer import Answer
@@ -60,7 +60,7 @@ def numeric(
     return typer.Option(name, metavar=metavar, help=description, parser=parse)
 
 
-app = typer.Typer(
+app = App(
     cls=ErrorReportingGroup,
     no_args_is_help=True,
     context_settings={"help_option_names": ["--help", "-h"]},
@@ -134,6 +134,16 @@ JsonOption = Annotated[
 VerboseOption = Annotated[
     bool, typer.Option("--verbose", help="Print more numbers, and how to read them.")
 ]
+TrajectoriesOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--trajectories",
+        metavar="tum|mcap",
+        help="Add the paths as files for evo (tum), or for Foxglove and ROS 2 (mcap); repeat it "
+        "for both.",
+        autocompletion=completion.words("tum", "mcap"),
+    ),
+]
 NoFiguresOption = Annotated[bool, typer.Option("--no-figures", help="Draw no figures.")]
 SeedOption = Annotated[int | None, numeric("--seed", int, "N", "Seed of all random numbers.")]
 
@@ -175,6 +185,13 @@ def overrides(keys: list[str] | None, seed: int | None) -> list[str]:
 def destination(out: Path | None, default: Path, force: bool) -> tuple[Path, Other]:
     """The folder of the results, and what to do about results of another run."""
     return out or default, "replace" if force else "number" if out is None else "refuse"
+
+
+def unless_other(wanted: Path, other: Other) -> Callable[[Mapping[str, Any]], None]:
+    """Refuses the result of another run in a folder, as soon as the question is known."""
+    from ... import artifacts
+
+    return lambda known: artifacts.check(wanted, known, other, part=True)
 
 
 def width() -> int | None:
@@ -233,9 +250,15 @@ def report(
 
 
 def refuse_silence(answer: Answer) -> None:
-    """End with exit code 1 if a receiver gave no estimate at all."""
-    for line in answer.problems:
+    """End with exit code 1 if a receiver gave no estimate at all.
+
+    On a terminal, which shows the output too, the reasons are not repeated.
+    """
+    both = sys.stdout.isatty() and sys.stderr.isatty()
+    for line in answer.problems[:0] if both else answer.problems:
         typer.echo(f"error: {line}", err=True)
+    if both and answer.problems:
+        typer.echo("error: not every receiver gave estimates; the reasons are above", err=True)
     if answer.problems:
         raise typer.Exit(1)
 

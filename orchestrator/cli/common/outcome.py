@@ -10,15 +10,16 @@ import signal
 import sys
 import warnings
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NoReturn
 
 import typer
 from sblcosim.fmus import stopping
+from sblcosim.fmus.files import working_directory_problem
 from sblcosim.fmus.stopping import Terminated
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
 from ...errors import (
     ConfigurationError,
@@ -43,6 +44,29 @@ _NO_OUTPUT = (errno.ENOSPC, errno.EIO, errno.EBADF, errno.EFBIG, errno.EDQUOT)
 
 _UsageError: Any = typer.BadParameter.__base__
 """Click's exceptions, which Typer keeps in different places."""
+
+
+class Command(TyperCommand):
+    """A command whose help names its arguments as our texts do, whatever the version of Typer."""
+
+    def get_help(self, ctx: Any) -> str:
+        usage, _, rest = super().get_help(ctx).partition("\n\n")
+        usage = re.sub(r"\{([^{}\s]+)\}", r"\1", usage)
+        rest = re.sub(
+            r"^(  \S+) (<[\w\[\], ]+>)",
+            lambda found: found[1] + " " * (1 + len(found[2])), rest, flags=re.M,
+        )
+        return f"{usage}\n\n{rest}"
+
+
+class App(typer.Typer):
+    """A Typer whose commands are ours."""
+
+    def command(  # type: ignore[override]
+        self, name: str | None = None, **options: Any
+    ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+        """As Typer's."""
+        return super().command(name, cls=Command, **options)
 
 
 class Commands(TyperGroup):
@@ -81,12 +105,9 @@ class ErrorReportingGroup(Commands):
 
 
 def _check_surroundings(args: list[str]) -> None:
-    try:
-        os.getcwd()
-    except OSError:
-        raise ConfigurationError(
-            "the working directory must exist, got one that was deleted"
-        ) from None
+    problem = working_directory_problem()
+    if problem is not None:
+        raise ConfigurationError(problem)
     for argument in args:
         if any("\ud800" <= c <= "\udfff" for c in argument):
             shown = shortened(repr(os.fsencode(argument)))

@@ -9,12 +9,15 @@ from typing import Any, Literal
 from pydantic import Field
 
 from ...answer import Answer
+from ...identification.result import NUMBERS
 from ...judge.columns import ERRORS, PERCENTILES, SUMMARY
+from ...logs.tables import BEACONS, FLAWS, SERIES
 from ...results.range_test import RANGE_TEST
 from ...scenario.json_schema import Plainly
 from .areas import Distances, Map
 from .budgets import Budget
 from .document import Claimed, Document, DocumentPart, Entry, Number, by_index, part_of
+from .logs import Processed
 from .studies import Advice, Analysis, Questions, Requirement, Studies, Study
 from .tournaments import Comparison, Runs
 
@@ -219,6 +222,56 @@ class Calibration(Document):
     folder: str
 
 
+HeardBeacon: Any = part_of(BEACONS)
+LoggedSeries: Any = part_of(SERIES)
+LoggedFlaw: Any = part_of(FLAWS)
+
+
+class Place(DocumentPart):
+    """The origin of north, east and down, on WGS 84."""
+
+    latitude_deg: float
+    longitude_deg: float
+    height_m: float
+
+
+class LogSummary(Document):
+    """What is in a log."""
+
+    name: str
+    start_ns: int
+    """First time; nanoseconds since 1970 if the log has dates."""
+    stop_ns: int
+    span_s: float
+    start_utc: str | None
+    """Date and time of the first; null if the log has no dates."""
+    dimension: Literal[2, 3]
+    """3, or 2: positions in the plane of the beacons."""
+    origin: Place | None
+    """Null if the log has no place on Earth."""
+    beacons: list[HeardBeacon]
+    series: list[LoggedSeries]
+    flaws: list[LoggedFlaw]
+    remarks: list[str]
+    folder: str
+
+
+DeviceNumber: Any = part_of(NUMBERS)
+
+
+class Identification(Document):
+    """What a log tells about its device."""
+
+    log: str
+    numbers: list[DeviceNumber]
+    correlation: dict[str, float]
+    """Correlation of the scale with the offset of each beacon, by its number."""
+    overrides: dict[str, float]
+    """Keys of the scenario that the log decides."""
+    remarks: list[str]
+    folder: str
+
+
 class Finding(DocumentPart):
     """Remarks on a variable, or on the whole (``FMU``)."""
 
@@ -266,8 +319,11 @@ DOCUMENTS: Mapping[str, type[Document]] = {
     "replay": Run,
     "plan": Plan,
     "calibrate": Calibration,
+    "identify": Identification,
     "map": Map,
     "distances": Distances,
+    "log": LogSummary,
+    "process": Processed,
     "scenarios": Scenarios,
     "receivers": Receivers,
     "study": Study,

@@ -21,7 +21,7 @@ from ...scenario.scenario import Scenario, load
 BOUND_RUNS = 3
 """Runs over which a bound is averaged; it hardly depends on the number."""
 _RECEIVER = "multilateration"
-_ALONG = re.compile(r"_amplitude_|loss_probability")
+_ALONG = re.compile(r"_amplitude_|wave_height|watch_circle|loss_probability|echo_probability")
 """Keys that change a path or the received samples."""
 
 

@@ -180,7 +180,7 @@ class Budget(Answer):
         added = float(named["share"].round(2).sum()) + (round(left, 2) if left >= _LEAST else 0)
         if added > 1.005:
             parts.append(
-                "shares add to more than 100 %, as what errors do only together counts for each"
+                "shares exceed 100 % because joint effects count for every error involved"
             )
         return "; ".join(parts)
 
@@ -337,11 +337,11 @@ class Budget(Answer):
     def manifest(self) -> dict[str, Any]:
         """Description of the runs; equal for equal budgets."""
         told = self.to_json()
-        kept = ("receiver", "runs", "dropped", "seed", "better", "untold",
-                "acceleration_psd_m2_s3")
+        kept = ("receiver", "dropped", "seed", "better", "untold", "acceleration_psd_m2_s3")
+        asked_runs = self.runs + self.dropped
         asked = list(dict.fromkeys(self.table["source"]))
         return {
-            "budget": {key: told[key] for key in kept} | {"rows": asked},
+            "budget": {key: told[key] for key in kept} | {"runs": asked_runs, "rows": asked},
             "scenario": artifacts.plain(self.settings),
         }
 

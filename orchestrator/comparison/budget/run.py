@@ -19,12 +19,14 @@ from sblcosim.models import RECEIVERS
 from sblcosim.models.settings.assumptions import SOURCES as ASSUMED
 from sblcosim.models.settings.keys import default
 
+from ... import artifacts
 from ...errors import ConfigurationError, NoEffectWarning, instance, shortened
 from ...judge.over_runs import rms_over_runs
 from ...scenario import scenario as scenarios
 from ...scenario.files import naming_files
 from ...scenario.overrides import Changes
 from ...scenario.scenario import Scenario, Source
+from ...scenario.sources import choice_of
 from ...simulation.how import How
 from ...study import runner, study
 from ...study.kept import Kept
@@ -68,6 +70,7 @@ def budget(
     workers: int | None = None,
     progress: Callable[[float], None] | None = None,
     keep: Kept | None = None,
+    before: Callable[[Mapping[str, Any]], None] | None = None,
 ) -> Budget:
     """Find the sources of a receiver's error.
 
@@ -102,6 +105,8 @@ def budget(
         Called with the completed share, 0 to 1.
     keep
         Folder of finished runs, which are not repeated; None: nothing is written.
+    before
+        Called with what is known of the manifest, before the first run.
 
     Raises
     ------
@@ -131,6 +136,11 @@ def budget(
             progress(0.9 * share)
 
     chosen = () if receiver is None else (receiver,)
+    if before is not None:
+        label = next(iter(choice_of(base, chosen).receivers))
+        about = {"receiver": label, "runs": runs, "seed": seed, "better": better, "untold": untold}
+        asked = [ALL, *(row.name for row in rows), NONE, REMAINDER]
+        before({"budget": about | {"rows": asked}, "scenario": artifacts.plain(base.given())})
     def simulated(definition: study.Study, progress: Callable[[float], None]) -> pd.DataFrame:
         return runner.simulated(definition, How(workers=workers, progress=progress), keep)
 

@@ -27,11 +27,7 @@ def of_scenario(scenario: Scenario, better: bool = False) -> tuple[str, ...]:
     better
         Consider better equipment instead of switching off.
     """
-    idle = {".".join(key) for key in scenario.idle()}
-    return tuple(
-        name for name in SOURCES
-        if any(key not in idle for key in _changed(scenario, SOURCES[name], better))
-    )
+    return tuple(name for name in SOURCES if _changed(scenario, SOURCES[name], better))
 
 
 def switched(
@@ -102,7 +98,7 @@ def combination(
 
 def fixed(scenario: Scenario, sources: Iterable[str]) -> tuple[str, ...]:
     """Sources with a part whose error is the same in every run."""
-    drawn = re.compile("_std_|probability|amplitude|resolution")
+    drawn = re.compile("_std_|probability|amplitude|wave_height|watch_circle|resolution")
     return tuple(
         name for name in sources
         if any(not drawn.search(key) for key in _changed(scenario, SOURCES[name], False))
@@ -124,9 +120,10 @@ def _changed(scenario: Scenario, source: Source, better: bool) -> dict[str, Any]
 
 
 def _reduced(scenario: Scenario, part: Part, level: float | None) -> dict[str, Any]:
-    """The keys of a part, scaled to a level; empty if they are not above it."""
+    """The keys of a part that have an effect, scaled to a level; empty if not above it."""
     about = float(_value(scenario, part.about) or 0.0) if part.about else 0.0
-    values = {key: _value(scenario, key) for key in part.keys}
+    idle = {".".join(key) for key in scenario.idle()}
+    values = {key: _value(scenario, key) for key in part.keys if key not in idle}
     values = {key: value for key, value in values.items() if value is not None}
     if level is None or (part.about and _value(scenario, part.about) is None):
         return {}

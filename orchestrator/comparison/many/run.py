@@ -42,6 +42,7 @@ def run_many(
     step_timeout: float | None = None,
     progress: Callable[[float], None] | None = None,
     keep: Kept | None = None,
+    before: Callable[[Mapping[str, Any]], None] | None = None,
 ) -> Many:
     """Simulate a scenario many times with consecutive seeds, beginning with that of the scenario.
 
@@ -57,6 +58,8 @@ def run_many(
         Called at intervals with the completed share, 0 to 1.
     keep
         Folder of finished runs, which are not repeated; None: nothing is written.
+    before
+        Called with what is known of the manifest, before the first run.
 
     Raises
     ------
@@ -76,6 +79,7 @@ def run_many(
         workers=workers, master=master, step_timeout=step_timeout, timed=False, keep=keep,
         percentiles=[it for it in RESPONSES if it.name != PERCENTILE],
         progress=None if progress is None else lambda share, _: progress(0.9 * share),
+        before=None if before is None else lambda known: before({"runs": known["comparison"]}),
     )  # fmt: skip
     seeds = _chosen(comparison.table, receivers_in(comparison.table)[0])
     drawn = {

@@ -30,6 +30,12 @@ RESPONSE = "absolute_total_rms_m"
 """Response that is compared by default."""
 
 
+def manifest_of(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """What is compared, as plain data."""
+    plain: dict[str, Any] = artifacts.plain({"comparison": settings})
+    return plain
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Tournament(Answer):
     """Which receiver is better, where, by how much, and how certain that is. Made by `compare`.
@@ -134,8 +140,7 @@ class Tournament(Answer):
 
     def manifest(self) -> dict[str, Any]:
         """What was compared, as plain data."""
-        plain: dict[str, Any] = artifacts.plain({"comparison": self.settings})
-        return plain
+        return manifest_of(self.settings)
 
     def to_json(self) -> dict[str, Any]:
         """Answer and tables as plain data; missing numbers are None."""

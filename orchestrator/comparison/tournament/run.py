@@ -36,7 +36,7 @@ from ...study.study import load as load_study
 from ..common.evaluation import ALL, PERCENTILE, by_place, differences, levels, ranked
 from ..common.statistics import CONTAMINATION
 from . import alike, cost, starts
-from .result import RESPONSE, Tournament
+from .result import RESPONSE, Tournament, manifest_of
 
 if TYPE_CHECKING:
     from ...scenario.overrides import Changes
@@ -70,6 +70,7 @@ def compare(
     keep: Kept | None = None,
     percentiles: Sequence[Percentile] = (),
     same_start: bool = False,
+    before: Callable[[Mapping[str, Any]], None] | None = None,
 ) -> Tournament:
     """Run receivers on the same noise, and determine which is better.
 
@@ -109,6 +110,8 @@ def compare(
         Let every receiver begin with the first samples that it receives, and tell none where the
         diver starts. Otherwise receivers with a parameter for it begin there, if the scenario says
         so.
+    before
+        Called with what is known of the manifest, before the first run.
 
     Raises
     ------
@@ -144,6 +147,15 @@ def compare(
             study.base.name: study_of(alike.in_effect(study), study.receivers, {}, about)
             for study in studies
         })  # fmt: skip
+    settings = {
+        "scenarios": [study.base.given() for study in studies],
+        "receivers": [alike.origin(known_source(it)) for it in studies[0].receivers],
+        "runs": runs, "seed": about["seed"], "settling_s": settling_s, "response": name,
+        "practical": practical, "contamination": contamination, "same_start": same_start,
+        "knowing_start": starts.settings(studies),
+    }  # fmt: skip
+    if before is not None:
+        before(manifest_of(settings))
     tables = []
     for i, study in enumerate(studies):
         def told(share: float, i: int = i) -> None:
@@ -152,13 +164,6 @@ def compare(
 
         how = How(master, step_timeout, workers, progress=told)
         tables.append(runner.simulated(study, how, keep))
-    settings = {
-        "scenarios": [study.base.given() for study in studies],
-        "receivers": [alike.origin(known_source(it)) for it in studies[0].receivers],
-        "runs": runs, "seed": about["seed"], "settling_s": settling_s, "response": name,
-        "practical": practical, "contamination": contamination, "same_start": same_start,
-        "knowing_start": starts.settings(studies),
-    }  # fmt: skip
     told_s = {study.base.name: cost.update_seconds(study) for study in studies} if timed else {}
     return evaluate(dict(zip(names, tables, strict=True)), settings, told_s)
 

@@ -216,12 +216,13 @@ def notes(it: Tournament, verbose: bool = True) -> Iterator[str]:
     Parameters
     ----------
     verbose
-        Whether to include those on means, which only a verbose text prints.
+        Whether to include those on means and intervals, which only a verbose text prints.
     """
     for place in (place for place in it.places if place != ALL):
         for receiver in in_place(it, place):
             yield from beside(it, place, receiver)
-            yield from lost(it, place, receiver)
+            if verbose:
+                yield from lost(it, place, receiver)
         for row in rows_of(it, place, it.response):
             pair = (row.one, row.other) if row.verdict == "better" else (row.other, row.one)
             sign = {"better": 1, "worse": -1}.get(row.verdict, 0)
@@ -235,7 +236,7 @@ def notes(it: Tournament, verbose: bool = True) -> Iterator[str]:
     if verbose:
         yield from _too_few_for_differences(it)
         yield from unbounded_means(it)
-    yield from unbounded(it)
+        yield from unbounded(it)
 
 
 def start(it: Tournament) -> Iterator[str]:
@@ -329,20 +330,22 @@ def unbounded(it: Tournament) -> Iterator[str]:
 
 
 def text(it: Tournament, verbose: bool = False, width: int | None = None) -> str:
-    """The answer, the remarks, a table for each place, and one of the differences.
+    """The answer, the remarks, a table of the receivers, and one of the differences.
 
     Parameters
     ----------
     verbose
-        Add the spread over the runs, verdicts on covariances, mean differences, the differences in
-        each of several scenarios, and explanations.
+        Add the spread and a bound over the runs, verdicts on covariances, times of an update,
+        intervals of shares, mean differences, both tables for each of several scenarios, and
+        explanations.
     width
         Columns of the terminal; None: sentences are not wrapped.
     """
     lines = [it.answer, *notes(it, verbose)]
-    for place in sorted(it.places, key=lambda place: place != ALL):
+    places = sorted(it.places, key=lambda place: place != ALL)
+    for place in places if verbose else places[:1]:
         lines += ["", f"{place}: {it.settings['runs']} runs"]
-        lines += levels(it, place, width)
+        lines += levels(it, place, width, verbose=verbose)
         if verbose:
             lines += ["", *spreads(it, place, width)]
             lines += [
@@ -351,13 +354,17 @@ def text(it: Tournament, verbose: bool = False, width: int | None = None) -> str
                 for name in in_place(it, place) if it.level(place, name)["nees_runs"]
             ]  # fmt: skip
         responses = dict.fromkeys((it.response, PERCENTILE)) if verbose else (it.response,)
-        for response in responses if verbose or place == it.places[-1] else ():
-            rows = [*_differences(it, place, response)]
+        if not verbose and len(places) > 1:
+            lines += ["", *_by_scenario(it, places[1:], width)]
+        for response in responses:
+            rows = [*_differences(it, place, response, verbose)]
             if rows:
-                unit = unit_of(response)
-                head = (f"difference of {words_of(response)}" + (f" [{unit}]" if unit else ""),
-                        "better in", "of dives", "median", "95 %, all at once", "mean",
-                        "95 %, all at once", "the first is")  # fmt: skip
+                unit = f" [{unit_of(response)}]" if unit_of(response) else ""
+                of = f" of {words_of(response)}" if verbose else ""
+                head = (
+                    f"difference{of}{unit}", "better in", "of dives", "median", "95 %, all at once",
+                    "mean", "95 %, all at once", "the first is",
+                )  # fmt: skip
                 without = () if verbose else (5, 6)
                 lines += ["", *_table(rows, width, head, range(1, 7), (2, 4, 6), without)]
     explained = _NOTES if verbose else (LOST,) if it.levels["lost"].any() else ()
@@ -382,12 +389,13 @@ def _first(it: Tournament) -> str:
     return f"{words_of(it.response).removesuffix(' total error')}{unit}"
 
 
-MISLEADING_COLUMN = 5
-"""Index of the column of misleading runs in the table of receivers."""
+_BOUND_COLUMN, MISLEADING_COLUMN, _UPDATE_COLUMN = 3, 5, 7
+"""Indices of columns in the table of receivers: bound, misleading runs, time of an update."""
 
 
 def levels(
-    it: Tournament, place: str, width: int | None, without: Sequence[int] = ()
+    it: Tournament, place: str, width: int | None, without: Sequence[int] = (), *,
+    verbose: bool = True,
 ) -> Iterator[str]:
     """The lines of the table of receivers.
 
@@ -395,9 +403,25 @@ def levels(
     ----------
     without
         Indices of columns to leave out.
+    verbose
+        Whether to include the bound over the runs, times of an update, and intervals of shares.
     """
-    optional = (3, MISLEADING_COLUMN)
-    return _table([*_levels(it, place)], width, _heads(it), range(1, 5), optional, without)
+    optional = (_BOUND_COLUMN, MISLEADING_COLUMN)
+    without = without if verbose else (*without, _BOUND_COLUMN, _UPDATE_COLUMN)
+    rows = [*_levels(it, place, verbose)]
+    return _table(rows, width, _heads(it), range(1, 5), optional, without)
+
+
+def _by_scenario(it: Tournament, places: Sequence[str], width: int | None) -> Iterator[str]:
+    """The receivers' values in each scenario."""
+    rows = [
+        [receiver, *(
+            rounded(reached(it.level(place, receiver))) if receiver in in_place(it, place) else "–"
+            for place in places
+        )]
+        for receiver in it.receivers
+    ]  # fmt: skip
+    return table(rows, width, [_first(it), *places], range(1, len(places) + 1))
 
 
 def spreads(it: Tournament, place: str, width: int | None) -> Iterator[str]:
@@ -423,7 +447,7 @@ def _table(
     )  # fmt: skip
 
 
-def _levels(it: Tournament, place: str) -> Iterator[tuple[str, ...]]:
+def _levels(it: Tournament, place: str, verbose: bool) -> Iterator[tuple[str, ...]]:
     for receiver in in_place(it, place):
         row, beside = it.level(place, receiver), it.level(place, receiver, PERCENTILE)
         upper = row["within_upper"]
@@ -434,18 +458,19 @@ def _levels(it: Tournament, place: str) -> Iterator[tuple[str, ...]]:
             rounded(beside["mean"]),
             f"≤ {rounded(upper)}" if isfinite(upper) else "–",
             rough_percent(row["lost"] / whole),
-            _misleading(row),
+            _misleading(row, verbose),
             _covariance(row),
             *((_update(it, place, receiver),) if it.update_s else ()),
         )
 
 
-def _misleading(row: Any) -> str:
-    """The share of misleading runs and, within a scenario, its interval in whole per cents."""
+def _misleading(row: Any, verbose: bool) -> str:
+    """The share of misleading runs; verbose and within a scenario its interval, whole per cents."""
     if not row["misleading_known"]:
         return "–"
     said = rough_percent(row["misleading"] / row["misleading_known"])
-    return said if isnan(row["misleading_low"]) else f"{said} ({share_of_misleading(row)})"
+    told = verbose and not isnan(row["misleading_low"])
+    return f"{said} ({share_of_misleading(row)})" if told else said
 
 
 def share_of_misleading(row: Any) -> str:
@@ -493,12 +518,14 @@ def _spreads(it: Tournament, place: str) -> Iterator[tuple[str, ...]]:
         )
 
 
-def _differences(it: Tournament, place: str, response: str) -> Iterator[tuple[str, ...]]:
+def _differences(
+    it: Tournament, place: str, response: str, verbose: bool
+) -> Iterator[tuple[str, ...]]:
     for row in rows_of(it, place, response):
         said = row.verdict
         # The runs that any verdict needs are given once, for all pairs.
         own = pd.notna(row.runs_needed) and (row.runs >= row.least or row.runs_needed > row.least)
-        if said == "undecided" and own:
+        if verbose and said == "undecided" and own:
             said += f"; about {row.runs_needed:,} runs would decide"
         yield (
             f"{row.one} − {row.other}", f"{row.wins} of {row.runs}", _dives(row),

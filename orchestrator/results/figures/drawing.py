@@ -30,14 +30,12 @@ from matplotlib.transforms import IdentityTransform, ScaledTranslation
 
 from ...data.estimates import Floats
 from ...layout import with_units
-from ...scenario.labels import RAW
+from ...scenario.labels import FIXES
 from ...style import LINES, MARKERS, SIZE, SMALL, Theme, new_figure
 from ...words.numbers import minus
 
 Tracks = Mapping[str, pd.DataFrame]
 
-FIXES = (RAW, "multilateration")
-"""Receivers without dynamics: their estimates are drawn as separate dots."""
 LEFT, RIGHT, BOTTOM = 0.72, 0.12, 0.5
 """Margins for the labels of axes [inch]."""
 GAP = 0.12
@@ -243,7 +241,9 @@ def panels(
         return axes
     heights = heights or (1.45,) * count
     figure = new_figure(WIDTH, sum(heights) + GAP * (count - 1) + BOTTOM, laid_out=True)
-    grid = figure.subplots(count, sharex=True, gridspec_kw={"height_ratios": heights})
+    grid = figure.subplots(
+        count, sharex=True, squeeze=False, gridspec_kw={"height_ratios": heights}
+    )[:, 0]
     for ax in grid:
         ax.margins(x=0.01)
         ax.yaxis.set_major_formatter(WholeTicks())

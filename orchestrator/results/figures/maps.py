@@ -75,7 +75,7 @@ def plot_path(
         limits = limits_of(np.vstack([truth, platform.true, platform.reported]), tracks, "xy")
         apart = own and sum(map(drawing.is_filter, tracks)) > MOST_TOGETHER
         names = [*platform.names, "true path", *([] if apart else tracks)]
-        sheet = _Sheet(limits, len(tracks) if apart else 1, drawing.legend_width(names))
+        sheet = Sheet(limits, len(tracks) if apart else 1, drawing.legend_width(names))
         maps = [ax] if ax is not None else sheet.axes()
         styled = list(drawing.lines_of(tracks, look))
         for i, panel in enumerate(maps):
@@ -93,7 +93,7 @@ def plot_path(
                 panel.set_title(name, loc="left")
         scale = sheet.scale if own else _scale(maps[0])
         every = _time_between_marks(*_in_motion(record), _marks(truth, scale))
-        _name_axes(maps)
+        name_axes(maps)
         drawing.finish(
             maps, own, "map" + (f", with a mark every {_in_words(every, every)}" if every else ""),
             drawing.outside(tracks, limits), drawing.no_fix(tracks), beside=sheet.beside,
@@ -220,7 +220,7 @@ def widened(limits: tuple[float, float], span: float) -> tuple[float, float]:
     return limits[0] - more, limits[1] + more
 
 
-class _Sheet:
+class Sheet:
     """A new figure of the usual width, filled by maps, whatever the shape of the data.
 
     Attributes
@@ -283,13 +283,16 @@ def _locator(room: float, each: float) -> MaxNLocator:
     return MaxNLocator(min(max(int(room / each), 2), 9), steps=[1, 2, 2.5, 5, 10])
 
 
-def _name_axes(maps: Sequence[Axes]) -> None:
+def name_axes(
+    maps: Sequence[Axes], up: str = "North x [m]", right: str = "East y [m]"
+) -> None:
+    """Name the axes at the edges of a figure of maps."""
     for ax in maps:
         place = ax.get_subplotspec()
         if place is None or place.is_last_row():
-            ax.set_xlabel("East y [m]")
+            ax.set_xlabel(right)
         if place is None or place.is_first_col():
-            ax.set_ylabel("North x [m]")
+            ax.set_ylabel(up)
 
 
 # --- Time along the path -------------------------------------------------------------------------

@@ -220,11 +220,15 @@ def plot_range_test(
 
 def time_axis(axes: Sequence[Axes], record: Record) -> None:
     """Make the time axis cover the whole run, in the unit that suits its duration."""
-    start, stop = record.time_ns[[0, -1]] / 1e9
+    scale_time(axes, *(record.time_ns[[0, -1]] / 1e9))
+
+
+def scale_time(axes: Sequence[Axes], start: float, stop: float) -> None:
+    """Make the time axis go from start to stop [s], in the unit that suits it."""
     margin = 0.01 * (stop - start)
     for ax in axes:
         ax.set_xlim(start - margin, stop + margin)
-    name, seconds = unit_of(record)
+    name, seconds = next(unit for unit in TIMES if stop - start >= unit[2])[:2]
     axes[-1].set_xlabel(f"Time [{name}]")
     axes[-1].xaxis.set_major_locator(MultipleLocator(_tick(stop - start, seconds)))
     axes[-1].xaxis.set_major_formatter(FuncFormatter(lambda t, _: minus(f"{t / seconds:.10g}")))

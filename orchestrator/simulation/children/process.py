@@ -18,7 +18,6 @@ from contextvars import ContextVar
 from dataclasses import replace
 from typing import IO, Any, ParamSpec, TypeVar, cast
 
-import cloudpickle
 import numpy as np
 from numpy.typing import NDArray
 from sblcosim.fmus import stopping
@@ -28,6 +27,7 @@ from sblcosim.fmus.read.ports import Fmu
 
 from ...data.record import Record
 from ...errors import ConfigurationError, FmuError, one_line
+from ..code.packing import packed
 from ..code.user_code import PythonSource
 from ..plans.plan import PROGRESS_INTERVAL, Plan
 from .memory import Memory
@@ -388,14 +388,13 @@ def _record(plan: Plan, watched: Watched) -> Record:
 
 def _packed(task: Task) -> bytes:
     try:
-        packed: bytes = cloudpickle.dumps(task)
+        return packed(task)
     except Exception as error:
         raise ConfigurationError(
             f"{_unpackable(task)}: must be something that another process can receive, because it "
             "runs "
             f"with a third-party FMU or a file, got {type(error).__name__}: {one_line(error)}"
         ) from error
-    return packed
 
 
 def _unpackable(task: Task) -> str:
@@ -403,7 +402,7 @@ def _unpackable(task: Task) -> str:
     if isinstance(task, Execute):
         for component in task.plan.components:
             try:
-                cloudpickle.dumps(component)
+                packed(component)
             except Exception:
                 return component.name
     return "a Python component"

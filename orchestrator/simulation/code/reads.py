@@ -12,7 +12,9 @@ Chains = tuple[tuple[str, ...], ...]
 """Attributes that follow a name, such as ``(("part", "LIMIT"), ())``; ``()``: the name alone."""
 _GLOBAL = {"LOAD_GLOBAL", "LOAD_NAME", "LOAD_FROM_DICT_OR_GLOBALS"}
 _ATTRIBUTE = {"LOAD_ATTR", "LOAD_METHOD"}
-_WHOLE = {"globals", "eval", "exec"}
+_WHOLE = {"globals", "eval", "exec", "__globals__", "f_globals"}
+_OWN = {"__name__", "__module__"}
+"""Names of the module itself: code that also finds modules by name may read all of it."""
 _BY_NAME = {"import_module", "__import__", "modules"}
 _ASKS = {
     "__annotations__": "annotations", "get_annotations": "annotations", "annotation": "annotations",
@@ -64,8 +66,20 @@ def reads(code: CodeType) -> Reads:
     _collect(code, names, chains, imports)
     return Reads(
         frozenset(names), {k: tuple(sorted(v)) for k, v in chains.items()}, frozenset(imports),
-        frozenset(_named(code)), bool(_WHOLE & names),
+        frozenset(_named(code)), _is_whole(names | {*_all_names(code)}),
     )  # fmt: skip
+
+
+def _is_whole(names: set[str]) -> bool:
+    return bool(_WHOLE & names or (_OWN & names and _BY_NAME & names))
+
+
+def _all_names(code: CodeType) -> Iterator[str]:
+    """All names of globals and attributes, but for the `__name__` that every class reads."""
+    yield from (name for name in code.co_names if name != "__name__")
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _all_names(constant)
 
 
 def _named(code: CodeType) -> Iterator[str]:

@@ -14,6 +14,7 @@ from types import ModuleType
 from typing import Any
 
 import cloudpickle
+from sblcosim.fmus.files import KINDS
 
 from ...errors import (
     CodeChangedError,
@@ -21,6 +22,7 @@ from ...errors import (
     escaped,
     instance,
     nearest,
+    no_file,
     one_line,
     quoted,
     shortened,
@@ -28,6 +30,7 @@ from ...errors import (
 from . import origins
 from .identity import identity
 from .local_files import Files, Loaded, changed, loaded, module_of, refuse
+from .packing import packed
 
 FILE = re.compile(r"(?P<file>.*\.py)(?::(?P<name>.*))?", re.DOTALL)
 _LONGEST = 240  # characters of an exception's text
@@ -229,8 +232,10 @@ def read_file(path: Path, must: str, where: str) -> bytes:
         There is no such file, or it cannot be read.
     """
     if not path.is_file() or path.suffix != ".py":
-        close = nearest(path.name, [p.name for p in path.parent.glob("*.py")])
-        raise ConfigurationError(f"{must} no Python file {quoted(str(path))}{close}")
+        close = nearest(path.name, [p.name for p in path.parent.glob("*.py") if p.is_file()])
+        found = no_file(path)
+        got = found if found in KINDS.values() else "no Python file"
+        raise ConfigurationError(f"{must} {got} {quoted(str(path))}{close}")
     try:
         return path.read_bytes()
     except OSError as error:
@@ -347,8 +352,7 @@ def by_value(thing: Any) -> bytes:
     if known:
         cloudpickle.register_pickle_by_value(module)
     try:
-        packed: bytes = cloudpickle.dumps(thing)
+        return packed(thing)
     finally:
         if known:
             cloudpickle.unregister_pickle_by_value(module)
-    return packed

@@ -1,1 +1,1 @@
-"""The three masters."""
+"""The three masters, and the replay of recorded inputs."""

@@ -28,12 +28,15 @@ class Driver:
         Text of its generated header, which has the same name.
     includes
         Names of further headers in ``c/``.
+    folder
+        The folder ``c/``; None: that of the masters.
     """
 
     name: str
     lanes: bool = False
     header: str = ""
     includes: tuple[str, ...] = ()
+    folder: Path | None = None
 
 
 def library(driver: Driver, compiler: Compiler | None = None) -> Path:
@@ -53,8 +56,8 @@ def key(driver: Driver, platform: str) -> str:
 
 
 def _sources(driver: Driver) -> dict[str, bytes]:
-    files = (f"{driver.name}.c", *driver.includes)
-    sources = {file: (FOLDER / file).read_bytes() for file in files}
+    files, folder = (f"{driver.name}.c", *driver.includes), driver.folder or FOLDER
+    sources = {file: (folder / file).read_bytes() for file in files}
     if driver.header:
         sources[f"{driver.name}.h"] = driver.header.encode()
     if driver.lanes:

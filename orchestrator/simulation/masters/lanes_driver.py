@@ -120,10 +120,15 @@ class Errors(ctypes.Structure):
 def unsupported(plan: Plan) -> str | None:
     """Name of the first component without an engine for lanes, or None."""
     for component in plan.components:
-        source = component.source  # never load a third-party library just to find out
-        if not isinstance(source, Fmu) or not ours(source) or _entry(source) is None:
+        source = component.source
+        if not isinstance(source, Fmu) or not has_engine(source):
             return component.name
     return None
+
+
+def has_engine(fmu: Fmu) -> bool:
+    """Whether an FMU has an engine for lanes; only ours are loaded to find out."""
+    return ours(fmu) and _entry(fmu) is not None
 
 
 def loaded_driver() -> ctypes.CDLL:
@@ -132,15 +137,33 @@ def loaded_driver() -> ctypes.CDLL:
 
 def engine_of(component: PlannedComponent, lanes: int) -> Any:
     assert isinstance(component.source, Fmu)
-    entry = _entry(component.source)
+    version = ctypes.c_uint32.in_dll(loaded_driver(), "sblcosim_lanes_version").value
+    return engine_in(component.source, component.name, lanes, version)
+
+
+def engine_in(fmu: Fmu, name: str, lanes: int, version: int) -> Any:
+    """The engine of an FMU of ours.
+
+    Parameters
+    ----------
+    name
+        What messages call it.
+    version
+        Version of the interface that the driver speaks.
+
+    Raises
+    ------
+    FmuError
+        The processor does not support that many lanes, or the FMU has another version.
+    """
+    entry = _entry(fmu)
     assert entry is not None
     engine = entry(lanes)
     if not engine:
-        raise FmuError(f"{component.name}: this processor must support {lanes} lanes, but does not")
-    version = ctypes.c_uint32.in_dll(loaded_driver(), "sblcosim_lanes_version").value
+        raise FmuError(f"{name}: this processor must support {lanes} lanes, but does not")
     if engine.contents.version != version:
         raise FmuError(
-            f"{component.name}: must have version {version} of the engine, got "
+            f"{name}: must have version {version} of the engine, got "
             f"{engine.contents.version}; build the FMU again"
         )
     return engine

@@ -10,6 +10,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from sblcosim.fmus.read.ports import Port
 
 from ...errors import ConfigurationError, nearest
 from ..plans.alike import alike
@@ -163,13 +164,13 @@ def _made(plan: Plan, lanes: int) -> Layout:
     if len(receivers) > MAX_RECEIVERS:
         raise ConfigurationError(f"system: must have at most {MAX_RECEIVERS} receivers")
     engines = [engine_of(c, lanes) for c in plan.components]
-    values = [_values(c, e.contents) for c, e in zip(plan.components, engines, strict=True)]
+    values = [values_of(c.ports, e.contents) for c, e in zip(plan.components, engines, strict=True)]
     return Layout(
         plan.components,
         {c.name: number for number, c in enumerate(plan.components)},
         engines,
         int(engines[0].contents.lanes),
-        [first_elements(c) for c in plan.components],
+        [first_elements(c.ports) for c in plan.components],
         [start.tolist() for start, _, _ in values],
         [low for _, low, _ in values],
         [high for _, _, high in values],
@@ -177,12 +178,12 @@ def _made(plan: Plan, lanes: int) -> Layout:
     )
 
 
-def _values(component: PlannedComponent, engine: Any) -> tuple[Floats, Floats, Floats]:
+def values_of(ports: Mapping[str, Port], engine: Any) -> tuple[Floats, Floats, Floats]:
     """Starts and bounds of parameters and inputs, by element."""
     start = np.zeros(engine.parameters + engine.inputs)
     low, high = np.full((2, len(start)), np.nan)
-    first = first_elements(component)
-    for port in component.ports.values():
+    first = first_elements(ports)
+    for port in ports.values():
         if port.causality in ("parameter", "input"):
             place = slice(first[port.name], first[port.name] + port.size)
             low[place], high[place] = port.min, port.max
@@ -249,9 +250,9 @@ def _lag(component: PlannedComponent, variations: Mapping[str, Any]) -> float:
     return float(np.max(np.asarray(given, np.float64), initial=0.0))
 
 
-def first_elements(component: PlannedComponent) -> dict[str, int]:
+def first_elements(ports: Mapping[str, Port]) -> dict[str, int]:
     """Index of each variable's first element; our value references count elements from 1."""
-    return {p.name: min(p.references) - 1 for p in component.ports.values()}
+    return {p.name: min(p.references) - 1 for p in ports.values()}
 
 
 def starts_of(

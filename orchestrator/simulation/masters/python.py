@@ -379,28 +379,37 @@ class _PythonRunner:
 
     def _fitting(self, outputs: Mapping[str, Any], now: int) -> dict[str, NDArray[Any]]:
         """Convert outputs to arrays and check them against the declaration."""
-        where = f"{self._name} at {text_of(now)}"
         if not isinstance(outputs, Mapping):
-            raise self._failure(
-                f"{where}: must return its outputs in a mapping, got {instance(outputs)}"
+            raise self._misfit(
+                now, f"must return its outputs in a mapping, got {instance(outputs)}"
             )
         if outputs.keys() != self._targets.keys():
             odd = ", ".join(sorted(map(str, outputs.keys() ^ self._targets.keys())))
-            raise self._failure(
-                f"{where}: must return exactly its outputs, got too few or too many: {odd}"
+            raise self._misfit(
+                now, f"must return exactly its outputs, got too few or too many: {odd}"
             )
         arrays = {}
         for name, target in self._targets.items():
-            with self._named(f"at {text_of(now)}"):
-                value = np.asarray(outputs[name])
-            if not np.can_cast(value.dtype, target.dtype, "same_kind"):
-                raise self._failure(f"{where}: {name} must be {target.dtype}, got {value.dtype}")
+            value = outputs[name]
+            if isinstance(value, np.generic):
+                value = np.asarray(value)
+            elif type(value) is not np.ndarray:
+                with self._named(f"at {text_of(now)}"):
+                    value = np.asarray(value)
+            # Most steps give arrays that fit, and must not wait for a message.
+            if value.dtype != target.dtype and not np.can_cast(
+                value.dtype, target.dtype, "same_kind"
+            ):
+                raise self._misfit(now, f"{name} must be {target.dtype}, got {value.dtype}")
             if value.shape != target.shape:
-                raise self._failure(
-                    f"{where}: {name} must have the shape {target.shape}, got {value.shape}"
+                raise self._misfit(
+                    now, f"{name} must have the shape {target.shape}, got {value.shape}"
                 )
             arrays[name] = value
         return arrays
+
+    def _misfit(self, now: int, what: str) -> SblcosimError:
+        return self._failure(f"{self._name} at {text_of(now)}: {what}")
 
     def read(self, now: int) -> None:
         for name, target in self._targets.items():

@@ -33,6 +33,15 @@ def test_what_is_needed_outside_of_a_branch_too_is_made_outside() -> None:
     assert not any("m_any" in line for line in text)
 
 
+def test_a_state_that_changes_only_under_a_condition_is_chosen_once() -> None:
+    c, x = ca.SX.sym("c"), ca.SX.sym("x")
+    changed = ca.Function("f", [ca.vertcat(c, x)], [ca.vertcat(c, ca.if_else(c > 0, 2 * x, x))])
+    text = statements(changed, ["x"], "x", "going")
+    assert [line for line in text if "r_blend" in line] == [text[-1]]
+    condition = next(line.split()[2] for line in text if "m_lt" in line)
+    assert text[-1].startswith(f"x[1] = r_blend(going & {condition}, ")
+
+
 def test_a_choice_without_an_elementary_function_is_no_branch() -> None:
     c, x = ca.SX.sym("c"), ca.SX.sym("x")
     assert not any("m_any" in line for line in lines(ca.if_else(c > 0, x * x, 0), c, x))

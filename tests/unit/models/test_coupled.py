@@ -503,7 +503,9 @@ def drawn(rng: np.random.Generator) -> dict[str, Any]:
     return values
 
 
-@pytest.mark.parametrize("batch", range(4))
+@pytest.mark.parametrize(
+    "batch", [0, *(pytest.param(i, marks=pytest.mark.slow) for i in range(1, 4))]
+)
 def test_outputs_are_finite_whatever_the_parameters(batch: int) -> None:
     rng = np.random.default_rng(batch)
     for _ in range(50):

@@ -93,6 +93,6 @@ def test_who_learns_has_it_in_its_fmu_and_the_others_keep_their_start(name: str)
 
 def test_all_that_take_a_word_are_declared_alike() -> None:
     named = {(name, v.name) for name, c in COMPONENTS.items() for v in c if v.named}
-    assert named == {(name, "acceleration_psd") for name in LEARN}
+    assert named == {("platform", "wave_period"), *((name, "acceleration_psd") for name in LEARN)}
     assert OF_RECEIVERS[KEY].named == {"learned": -1.0}
     assert start_of(KEY) == 0.01

@@ -123,6 +123,24 @@ def test_a_platform_without_errors_reports_the_truth() -> None:
     np.testing.assert_allclose(r["reported_attitude"], r["attitude"], atol=1e-14)
 
 
+def test_the_keys_of_a_spectrum_change_nothing_with_sines() -> None:
+    """Nor do they cost anything: no number of the sea is in these equations, and none is drawn."""
+    plain, other = (
+        platform(random_phases=True, **sea_state(4), **keys).run(3 * SECOND, SECOND // 10)
+        for keys in ({}, {"watch_circle": 3.0, "wave_spreading": 0.5, "raft_size": 9.0})
+    )
+    for name, values in plain.items():
+        np.testing.assert_array_equal(values, other[name])
+    names = [n for n, (rows, columns) in model().states.items() for _ in range(rows * columns)]
+    for functions, used in zip(model().variants.values(), (False, True), strict=True):
+        columns = {*functions.output.jac_sparsity(0, 0).get_col()}
+        assert any(names[i].startswith(("wave_", "drift")) for i in columns) == used
+    of_sea = [draw for draw in model().draws if draw.name.startswith(("wave", "drift", "first_d"))]
+    assert len(of_sea) == 4
+    assert {it for draw in of_sea for it in draw.scale} == {"motion", "watch_circle"}
+    assert [*model().draws[-4:]] == of_sea  # last, so that the numbers of all others stay
+
+
 # Installation ------------------------------------------------------------------------------------
 
 

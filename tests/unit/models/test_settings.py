@@ -18,11 +18,13 @@ import pytest
 from sblcosim.fmus.host.nanoseconds import SECOND, nanoseconds
 from sblcosim.models import COMPONENTS, RECEIVERS, settings
 from sblcosim.models.acoustics.contents import CONTENTS
+from sblcosim.models.acoustics.ranging import RANGINGS
 from sblcosim.models.acoustics.schedules import SCHEDULES
 from sblcosim.models.declaration import Variable
+from sblcosim.models.platform.variables import MOTION
 from sblcosim.models.receiver.receivers.coupled import COMPONENT as COUPLED
 from sblcosim.models.receiver.receivers.long_baseline import COMPONENT as LONG_BASELINE
-from sblcosim.models.settings import assumptions, beacons, either, keys, parameters, times
+from sblcosim.models.settings import assumptions, beacons, either, keys, motion, parameters, times
 from sblcosim.scenario.scenario import load, shipped
 
 TABLES = ("target", "platform", "acoustics", "receiver")
@@ -36,9 +38,12 @@ Flat = dict[str, Any]
 def tables_of(name: str) -> Tables:
     """The tables of a shipped scenario as plain objects."""
     scenario = load(name)
-    return SimpleNamespace(
+    tables = SimpleNamespace(
         **{table: SimpleNamespace(**vars(getattr(scenario, table))) for table in TABLES}
     )
+    if isinstance(tables.platform.wave_period_s, str):  # a name is no number
+        tables.platform.wave_period_s = 4.0
+    return tables
 
 
 def drawn(seed: int) -> Tables:
@@ -53,6 +58,8 @@ def drawn(seed: int) -> Tables:
                 tuple(one() for _ in value) if isinstance(value, tuple) else one())
     tables.acoustics.packet_content = numbers.choice([*CONTENTS])
     tables.acoustics.schedule = numbers.choice([*SCHEDULES])
+    tables.platform.motion = numbers.choice([*MOTION.values()])
+    tables.acoustics.ranging = [*RANGINGS][seed % len(RANGINGS)]
     tables.platform.gps_shared = numbers.choice([True, False])
     return tables
 
@@ -98,6 +105,11 @@ def _of_model(t: Tables) -> Any:
     ]
 
 
+def _of_waves(t: Tables) -> Any:
+    developed = SimpleNamespace(**{**vars(t.platform), "wave_period_s": "developed"})
+    return [motion.of_waves(t.platform), motion.of_waves(developed)]
+
+
 def _of_each_key(function: Callable[[Variable, Any], Any]) -> Callable[[Tables], Any]:
     def of(t: Tables) -> Any:
         return {path: function(variable, value_of(t, path)) for path, variable in REAL.items()}
@@ -110,6 +122,7 @@ TRIED: Mapping[str, Callable[[Tables], Any]] = {
     "assumptions.levels": _levels,
     "assumptions.clock": lambda t: assumptions.clock(t.acoustics),
     "assumptions.mounting_noise": lambda t: assumptions.mounting_noise(t.platform, t.acoustics),
+    "assumptions.range_noise": lambda t: assumptions.range_noise(t.acoustics),
     "assumptions.rounding": _rounding,
     "beacons.beacons_of": lambda t: beacons.beacons_of(t.platform),
     "keys.in_file_units": _of_each_key(
@@ -117,12 +130,18 @@ TRIED: Mapping[str, Callable[[Tables], Any]] = {
     "keys.in_si": _of_each_key(keys.in_si),
     "keys.to_si": _of_each_key(lambda v, value: (keys.to_si(v) or (lambda it: it))(value)),
     "keys.within": _of_each_key(keys.within),
+    "motion.of_waves": _of_waves,
+    "motion.of_mooring": lambda t: motion.of_mooring(t.platform),
+    "motion.of_sines": lambda t: motion.of_sines(t.platform, ("roll", "yaw", "heave")),
     "parameters.of_receiver": _of_receiver,
     "parameters.of_model": _of_model,
     "times.update_interval": lambda t: times.update_interval(
         t.acoustics.outlier_mean_m + 1.0, 3),
     "either.sqrt": lambda t: either.sqrt(t.acoustics.range_std_m),
     "either.hypot": lambda t: either.hypot(t.acoustics.range_std_m, 2.0, t.target.depth_std_m),
+    "either.exp": lambda t: either.exp(-t.acoustics.range_std_m),
+    "either.log": lambda t: either.log(1 + t.acoustics.range_std_m),
+    "either.sin": lambda t: either.sin(t.platform.mean_heading_deg),
     "either.degrees": lambda t: either.degrees(t.platform.mean_heading_deg),
     "either.radians": lambda t: either.radians(t.platform.mean_heading_deg),
     "either.greatest": lambda t: either.greatest(t.acoustics.range_std_m, 0.1),
@@ -136,7 +155,8 @@ TRIED: Mapping[str, Callable[[Tables], Any]] = {
 """Every setting function of real numbers, as a function of the tables of a scenario."""
 CHOICES = {
     "beacons.arranged", "either.symbolic", "keys.default", "keys.is_list", "keys.start_of",
-    "keys.starts", "packets.pose_source", "packets.resolutions", "paths.counts", "presets.preset",
+    "keys.starts", "motion.is_sine", "packets.pose_source", "packets.resolutions", "paths.counts",
+    "presets.preset",
 }
 """Those that take names, whole numbers and declarations only, or ask how many there are."""
 

@@ -184,6 +184,19 @@ CHANGES: dict[str, tuple[str | Files, tuple[str, str]]] = {
     "global that is found by its name": (
         "X = VALUE\ndef target(): return globals()['X']\n", ONE_TWO,
     ),
+    "global in the module that is found by its own name": (
+        "import sys\nX = VALUE\ndef target(): return getattr(sys.modules[__name__], 'X')\n", ONE_TWO,
+    ),
+    "global in the module of a function": (
+        "import sys\nX = VALUE\ndef target(): return vars(sys.modules[target.__module__])['X']\n",
+        ONE_TWO,
+    ),
+    "global among those of a function": (
+        "X = VALUE\ndef target(): return target.__globals__['X']\n", ONE_TWO,
+    ),
+    "global among those of a frame": (
+        "import sys\nX = VALUE\ndef target(): return sys._getframe().f_globals['X']\n", ONE_TWO,
+    ),
     "global in a text": ("X = VALUE\ndef target(): return eval('X + 1')\n", ONE_TWO),
     "builtin that is new": (
         "import builtins\nbuiltins.GAIN = VALUE\ndef target(): return GAIN\n", ONE_TWO,

@@ -11,7 +11,7 @@ import sblcosim
 from drawn_texts import spoiled_texts
 from matplotlib.animation import FFMpegWriter
 from PIL import Image
-from sblcosim import ConfigurationError, Result
+from sblcosim import ConfigurationError, Result, manifests
 from sblcosim.cli import app
 from sblcosim.results.figures import animation
 from seams import Seam
@@ -175,3 +175,30 @@ def test_the_command_adds_the_animation_to_the_folder(
     assert many.exit_code == 2
     assert "--animate: must be given without --runs" in many.output
     assert not Path("many").exists()
+
+
+def test_what_an_equal_run_has_drawn_is_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    short = ["run", "paper-scenario-1", "--set", "time.duration_s=5", "--out", "talk"]
+
+    def run(*more: str) -> set[str]:
+        done = CliRunner().invoke(app, [*short, *more])
+        assert done.exit_code == 0, done.output
+        listed = json.loads(Path("talk/manifest.json").read_text())["files"]
+        assert {*listed, "manifest.json"} == {path.name for path in Path("talk").iterdir()}
+        return {*listed}
+
+    bare = run("--no-figures", "--log")
+    Path("talk/path.svg").write_text("drawn")
+    Path("talk/errors.svg").write_text("drawn")
+    content = json.loads(Path("talk/manifest.json").read_text())
+    del content["sha256"]
+    content["files"] += ["path.svg", "errors.svg"]
+    content["hashes"] |= {n: manifests.hashes(Path("talk"))[n] for n in ("path.svg", "errors.svg")}
+    Path("talk/manifest.json").write_bytes(manifests.sealed(content))
+    assert run("--no-figures") == bare | {"path.svg", "errors.svg"}
+    Path("talk/path.svg").write_text("changed since")
+    assert run("--no-figures") == bare | {"errors.svg"}
+    assert run("--no-figures", "--seed", "9", "--force") == bare - {"log"}

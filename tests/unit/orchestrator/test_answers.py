@@ -16,6 +16,8 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import MagicMock
 
+import log_samples
+import made_logs
 import pandas as pd
 import pytest
 import sblcosim
@@ -28,11 +30,13 @@ from sblcosim.cli.documents.by_command import DOCUMENTS, document
 from sblcosim.data.tables import Columns
 from sblcosim.errors import ConfigurationError
 from sblcosim.estimation.after import smooth
+from sblcosim.identification.run import identify
 from sblcosim.report.study import analysed
 from sblcosim.study import load, table
 
 ROOT = Path(__file__).parents[3]
 SHORT = {"time.duration_s": 8.0}
+HEARD = {"time.duration_s": 90.0}
 GPS = {"keys": ["platform.gps_horizontal_std_m"], "levels": [0.1, 3.0]}
 ARM = {"keys": ["platform.arm_length_m"], "levels": [0.4, 3.0]}
 
@@ -96,6 +100,14 @@ def costs(here: Path) -> Any:
     return analysis.advice_on_study(full(here), {"gps": [100, 10]}, limit=50.0, percentile=50.0)
 
 
+def logged(here: Path) -> Path:
+    folder = here / "dive"
+    folder.mkdir(exist_ok=True)
+    for name, text in log_samples.own().items():
+        (folder / name).write_text(text.replace("true", "false", 1), "utf-8")
+    return folder
+
+
 KINDS: dict[str, Callable[[Path], Any]] = {
     "run": lambda _: sblcosim.run("paper-scenario-1", "coupled", SHORT),
     "smooth": lambda _: smooth(sblcosim.run("paper-scenario-1", "coupled", SHORT)),
@@ -114,6 +126,9 @@ KINDS: dict[str, Callable[[Path], Any]] = {
     ),
     "require": question,
     "calibrate": lambda _: calibrate(pings=20),
+    "log": lambda here: sblcosim.log(logged(here)),
+    "process": lambda _: sblcosim.process(made_logs.made(seconds=60), smooth=True),
+    "identify": lambda _: identify(sblcosim.run("harbour-lbl", overrides=HEARD)),
     "advise": costs,
     "analyse full": lambda here: analysed(full(here)),
     "analyse grid": lambda here: analysed(grid(here), practical=0.5),
@@ -130,7 +145,7 @@ KINDS: dict[str, Callable[[Path], Any]] = {
                                               "added.value")[0],
 }  # fmt: skip
 PRINTED = {"run", "smooth", "runs", "compare", "budget", "map", "distances", "require",
-           "calibrate", "advise", "analyse"}  # fmt: skip
+           "calibrate", "identify", "log", "process", "advise", "analyse"}  # fmt: skip
 
 
 def load_of(folder: Path) -> Any:
@@ -186,7 +201,10 @@ def test_an_answer_has_its_one_form(kind: str, here: Path, tmp_path: Path) -> No
     assert (found.report in files) == bool(found.report)
     assert json.loads((folder / "manifest.json").read_text("utf-8"))
     assert found.save(tmp_path / "it", figures=False) == folder  # of the same question
-    assert found.report or not [*folder.rglob("*.svg")]
+    kept = kind in ("run", "smooth")  # an equal run keeps what it has
+    assert found.report or bool([*folder.rglob("*.svg")]) == (kept and bool(found.figures))
+    bare = found.save(tmp_path / "bare", figures=False)
+    assert found.report or not [*bare.rglob("*.svg")]
     json.dumps(found.to_json(), allow_nan=False)
     if found.document:
         told = document(found, folder)

@@ -6,6 +6,7 @@ import json
 import re
 from dataclasses import replace
 from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import Any, get_args
 
@@ -19,6 +20,7 @@ import sblcosim.cli
 from drawn_texts import spoiled_texts
 from matplotlib.patches import Patch
 from matplotlib.text import Text
+from quick import few
 from sblcosim import style
 from sblcosim.areas import contours, figures, motion, result, runs, survey
 from sblcosim.areas.grid import Grid, grid_of
@@ -684,13 +686,15 @@ def test_noise_does_not_look_like_a_structure(found: result.AreaMap) -> None:
     assert "the colours span 0 m to 10 m, further" in unsure.text(verbose=True)
 
 
-@pytest.mark.parametrize("size", [(100.0, 100.0), (40.0, 240.0), (240.0, 40.0)])
-@pytest.mark.parametrize("limit", [None, 4.0])
-@pytest.mark.parametrize("lost", [0.0, 0.3])
+@pytest.mark.parametrize("case", few(
+    product([(100.0, 100.0), (40.0, 240.0), (240.0, 40.0)], [None, 4.0], [0.0, 0.3]),
+    quick=[((100.0, 100.0), None, 0.0), ((40.0, 240.0), 4.0, 0.3), ((240.0, 40.0), 4.0, 0.0)],
+))  # fmt: skip
 def test_no_text_of_the_figures_is_cut_off(
-    found: result.AreaMap, size: tuple[float, float], limit: float | None, lost: float
+    found: result.AreaMap, case: tuple[tuple[float, float], float | None, float]
 ) -> None:
     """Maps of equal scale are narrower than their panels, so their labels move."""
+    size, limit, lost = case
     north, east = (side / 2 for side in size)
     wide = replace(
         found, grid=Grid((-north, north), (-east, east), 4, 6, 5.0),

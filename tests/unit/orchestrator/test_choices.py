@@ -11,6 +11,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any, get_origin
 
+import made_logs
 import numpy as np
 import pandas as pd
 import pytest
@@ -38,8 +39,15 @@ from sblcosim.comparison.tournament import figures as tournament_figures
 from sblcosim.comparison.tournament import run as tournament
 from sblcosim.errors import ConfigurationError, check_choice
 from sblcosim.export import ssp
+from sblcosim.identification import figures as device_figures
 from sblcosim.judge import metrics
+from sblcosim.logs.checks import log_of
+from sblcosim.logs.contents import contents_of
+from sblcosim.logs.figures import plot_log
+from sblcosim.logs.raw import Raw
 from sblcosim.models.declaration import Variable
+from sblcosim.paths.diver_path import of_estimates
+from sblcosim.processing import figures as processed_figures
 from sblcosim.report import page
 from sblcosim.report import two_level as report
 from sblcosim.report.paper import figures as paper_figures
@@ -103,6 +111,10 @@ BUDGET = budget_result.Budget(
                                            "bound_share", "bound_rms_m"), 0.0),
     ), 30, 0, 1, False, False, 0.0, 3, "reference", 0.003,
 )  # fmt: skip
+LOG = log_of(Raw("log", {"beacons": {"A": [0, 0, 0]}}, tables={"receptions": pd.DataFrame(
+    {"time_ns": [0, 1], "beacon": ["A", "A"], "range_m": [1.0, 2.0]}
+)}))
+PROCESSED = made_logs.processed()
 STUDY = study.load("paper-scenario-1").with_replicates(1)
 DRAWN = space.sample(
     [space.DrawnFactor("x", distributions.distribution_of("uniform", range=[1.0, 2.0]))], 16
@@ -126,6 +138,10 @@ CALLS: dict[str, Any] = {
     "results.figures.run.plot_errors frame": partial(figures.plot_errors, RECORD, TRACKS),
     "results.figures.run.plot_inclination theme": partial(figures.plot_inclination, RECORD),
     "results.figures.run.plot_range_test theme": partial(figures.plot_range_test, *RANGE_TEST),
+    "logs.figures.plot_log theme": partial(plot_log, LOG),
+    "logs.contents.LogContents.plot theme": contents_of(LOG).plot,
+    "logs.contents.LogContents.save other": partial(contents_of(LOG).save, "nowhere"),
+    "logs.contents.LogContents.save theme": partial(contents_of(LOG).save, "nowhere"),
     "results.result.Result.plot_path theme": RESULT.plot_path,
     "results.result.Result.plot_path_3d theme": RESULT.plot_path_3d,
     "results.result.Result.plot_axes theme": RESULT.plot_axes,
@@ -150,7 +166,22 @@ CALLS: dict[str, Any] = {
     "results.figures.animation.write theme": partial(
         animation.write, RECORD, TRACKS, Path("nowhere.gif")
     ),
+    "paths.diver_path.of_estimates kind": partial(of_estimates, "ekf", RECORD.estimates("ekf")),
     "results.result.Result.animate theme": partial(RESULT.animate, "nowhere.gif"),
+    "identification.figures.plot_residuals theme": partial(
+        device_figures.plot_residuals, {"1": RECORD.time_ns * 0.0}, 0.1, 0.0, 1.0
+    ),
+    "processing.figures.plot_map theme": partial(
+        processed_figures.plot_map, PROCESSED.log, PROCESSED.tracks, PROCESSED.truth
+    ),
+    "processing.figures.plot_errors theme": partial(
+        processed_figures.plot_errors, PROCESSED.log, PROCESSED.tracks
+    ),
+    "processing.figures.plot_residuals theme": partial(
+        processed_figures.plot_residuals, PROCESSED.log, "raw", PROCESSED.made["raw"]
+    ),
+    "processing.processed.Processed.save other": partial(PROCESSED.save, "nowhere", figures=False),
+    "processing.processed.Processed.save theme": partial(PROCESSED.save, "nowhere", figures=False),
     "results.result.Result.save other": partial(RESULT.save, "nowhere", figures=False),
     "results.result.Result.save theme": partial(RESULT.save, "nowhere", figures=False),
     "judge.metrics.error_column frame": partial(metrics.error_column, axis="x"),
@@ -242,6 +273,7 @@ ELSEWHERE = {
     "comparison.many.result.Many.write theme": "answer.Answer.save",
     "report.study.Analysis.write theme": "answer.Answer.save",
     "require.result.Requirement.write theme": "answer.Answer.save",
+    "identification.result.Identified.write theme": "answer.Answer.save",
     "require.report.write theme": "answer.Answer.save",
     "estimation.after.Smoothed.save theme": "results.result.Result.save",
     "packages.recording.Recording.save theme": "results.result.Result.save",
@@ -249,8 +281,8 @@ ELSEWHERE = {
     "simulation.user.receivers.of_folder fmi": "api.run",
 }
 """Those that hand the argument on before they do anything with it, or get it checked; and where."""
-DERIVED = {"scenario.decisions.Decision.moot kind"}
-"""Those that no user gives: the kind of the beacons is worked out from the scenario."""
+DERIVED = {"scenario.decisions.Decision.moot kind", "processing.settings.rough arrangement"}
+"""Those that no user gives: the kind of the beacons is worked out from the scenario or the log."""
 
 
 def literals() -> set[str]:

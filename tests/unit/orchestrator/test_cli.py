@@ -675,7 +675,7 @@ def test_a_working_directory_that_is_gone_is_one_line(tmp_path: Path, command: s
     script = f"cd {tmp_path} && rmdir {tmp_path} && {sys.executable} -m sblcosim {command}"
     done = subprocess.run(["sh", "-c", script], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr == "error: the working directory must exist, got one that was deleted\n"
+    assert done.stderr == "error: working directory: must exist, got one that was deleted\n"
 
 
 COMMANDS_WITH_OUT = [

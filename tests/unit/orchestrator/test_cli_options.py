@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import io
 import re
+import sys
 import threading
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import made_logs
 import pytest
 import sblcosim
 import typer
 from rich.progress import Progress
 from sblcosim.cli import app
-from sblcosim.cli.common.app import waiting
+from sblcosim.cli.common.app import refuse_silence, waiting
 from sblcosim.cli.common.options import in_options
 from sblcosim.fmus.build import factory
 from sblcosim.judge.definitions import LOST
@@ -31,6 +33,9 @@ BEFORE: dict[str, tuple[str, ...]] = {
     "smooth": ("run",),
     "plan": ("paper-scenario-1",),
     "calibrate": (),
+    "log": ("dive.csv",),
+    "identify": ("dive",),
+    "process": ("dive",),
     "new": ("new.toml",),
     "study": ("study.toml",),
     "analyse": ("results",),
@@ -52,6 +57,7 @@ WRONG: dict[str, tuple[str, ...]] = {
     "seed": ("-1", "x", "99999999999"),
     "fmi": ("4",),
     "master": ("nobody",),
+    "trajectories": ("kml",),
     "step_timeout": ("-1", "0"),
     "runs": ("0", "x"),
     "sound_speed": ("1e300", "-1"),
@@ -103,6 +109,9 @@ WRONG: dict[str, tuple[str, ...]] = {
     "timeout": ("0",),
     "version": ("3",),
     "svg": ("x.txt",),
+    "mapping": ("nothing",),
+    "scenario": ("nobody",),
+    "interval": ("0", "x", "1e-300"),
 }
 """Values that no command takes, or none of a name, by parameter; all but the first are tried by
 the slow tests."""
@@ -148,6 +157,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (here / "study.toml").write_text(text, "utf-8")
     study.load(here / "study.toml").run(here / "results")
     (here / "costs.toml").write_text("arm = [1, 2]\n", "utf-8")
+    made_logs.in_folder(here / "dive")
     (here / "ekf.fmu").write_bytes(factory.build("ekf", 2).read_bytes())
     return here
 
@@ -227,7 +237,7 @@ def test_progress_is_said_in_per_cent_with_a_space(
     start = Progress.start
     monkeypatch.setattr(Progress, "start", lambda it: (start(it), begun.set()))
     with waiting("testing") as progress:
-        assert begun.wait(60.0)
+        assert begun.wait(600.0)
         progress(0.4)
     assert re.search(r"\b40 %", shown.getvalue())
     assert not re.search(r"\d%", shown.getvalue())
@@ -348,3 +358,40 @@ def test_a_report_says_what_percentiles_and_lost_runs_are(lossy: Path, kind: str
     page = (lossy / f"{kind}-page" / reports.REPORT).read_text("utf-8")
     for said in (ORDER_STATISTIC, LOST):
         assert said in page
+
+
+def test_the_help_of_every_command_names_arguments_without_types() -> None:
+    def helps(group: Any, before: tuple[str, ...] = ()) -> Iterator[str]:
+        for name, command in group.commands.items():
+            if hasattr(command, "commands"):
+                yield from helps(command, (*before, name))
+            else:
+                done = CliRunner().invoke(app, [*before, name, "--help"])
+                assert done.exit_code == 0
+                yield done.stdout
+                arguments = [it for it in command.params if it.param_type_name == "argument"]
+                for one in arguments:
+                    assert re.search(rf"^  {re.escape(one.metavar)}  ", done.stdout, re.M), name
+
+    whole = "\n".join(helps(typer.main.get_command(app)))
+    assert whole.count("Usage: ") > 20
+    assert not re.findall(r"<(?:str|path|list|int|float)[^>]*>", whole)
+    assert not re.findall(r"^Usage: .*[{}]", whole, re.M)
+
+
+@pytest.mark.parametrize("both", [True, False])
+def test_a_terminal_shows_once_why_a_receiver_failed(
+    both: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    class Told:
+        problems = ("mine: must not raise", "other: no estimate")
+
+    for stream in (sys.stdout, sys.stderr):
+        monkeypatch.setattr(stream, "isatty", lambda: both)
+    with pytest.raises(typer.Exit):
+        refuse_silence(Told())  # type: ignore[arg-type]
+    said = capsys.readouterr().err
+    assert said == (
+        "error: not every receiver gave estimates; the reasons are above\n" if both else
+        "error: mine: must not raise\nerror: other: no estimate\n"
+    )

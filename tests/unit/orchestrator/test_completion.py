@@ -81,7 +81,8 @@ def all_keys() -> Iterator[str]:
 def test_every_key_is_offered_and_its_value_can_be_read() -> None:
     assert [word for word, _ in completion.keys("")] == [f"{key}=" for key in all_keys()]
     ends = [[0, 0, 1], [1, 0, 1]]
-    course = {"target": {"waypoint_m": ends, "track_m": ends, "track_time_s": [0, 1]}}
+    course = {"target": {"waypoint_m": ends, "track_m": ends, "track_time_s": [0, 1]},
+              "platform": {"wave_height_m": 0.6}}
     for key in all_keys():
         for word, explained in completion.keys(f"{key}=")[1:]:
             load(course, [word])

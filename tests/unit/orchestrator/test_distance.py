@@ -447,8 +447,25 @@ def test_a_grade_is_named_only_if_all_its_keys_have_its_values(
     for keys in (base, base | some):
         assert words in conditions(sblcosim.load({"platform": keys}))
     for key, it in given.items():
-        other = base | {key: 2 * it + 0.01}
-        assert words not in conditions(sblcosim.load({"platform": other})), key
+        motion = {"motion": "spectrum"} if key.startswith("wave_") else {}
+        for keys, named in ((base, True), (base | {key: 2 * it + 0.01}, False)):
+            said = conditions(sblcosim.load({"platform": keys | motion}))
+            assert any(part.startswith(words) for part in said) == named, key
+
+
+@pytest.mark.parametrize(("keys", "words"), [
+    ({"beaufort": 3}, "Beaufort 3 as a spectrum"),
+    ({"beaufort": 3, "watch_circle_m": 3.0}, "Beaufort 3 as a spectrum; drift in a circle of 3 m"),
+    ({"beaufort": 3, "roll_amplitude_deg": 20.0}, "Beaufort 3 as a spectrum"),
+    ({"wave_height_m": 0.7, "sway_amplitude_m": 2.0},
+     "waves of 0.7 m (significant height, fully developed)"),
+    ({"wave_height_m": 0.7, "wave_period_s": 4.0, "yaw_amplitude_deg": 3.0},
+     "waves of 0.7 m (significant height, peak at 4 s); yaw of ±3°"),
+    ({"wave_height_m": 0.0, "roll_amplitude_deg": 3.0}, "platform at rest"),
+])  # fmt: skip
+def test_a_spectrum_is_named_with_its_size(keys: dict[str, float], words: str) -> None:
+    said = conditions(sblcosim.load({"platform": {"motion": "spectrum", **keys}}))
+    assert "; ".join(said).startswith(f"{words}; GPS")
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -510,6 +527,19 @@ def test_a_platform_of_ones_own_has_depths_and_no_distances() -> None:
     assert "on paths drawn anew in each run, platform of" in many.data_sheet[0]
 
 
+def test_the_conditions_are_printed_once_for_all_depths() -> None:
+    found = curve("realistic-dive")
+    one, *others = found.data_sheet
+    assert others
+    shared = ", ".join(conditions(sblcosim.load("realistic-dive")))
+    assert all(said.count(shared) == 1 for said in found.data_sheet)
+    text = found.text()
+    assert text.startswith(one)
+    assert text.count(shared) == 1
+    assert text.count("in the same conditions") == len(others)
+    assert found.text(verbose=True).count(shared) == len(found.depths)
+
+
 # --- Command -------------------------------------------------------------------------------------
 
 
@@ -525,7 +555,7 @@ def test_the_command_prints_saves_and_refuses(tmp_path: Path, monkeypatch: Any) 
     done = called("--distance", "5,20", "--depth", "15", *short)
     assert done.exit_code == 0, done.output
     assert "no data-sheet sentence from 3 runs at each distance" in done.output
-    assert "error [m] at 15 m depth" in done.output
+    assert re.search(r"^ *5 m +5 m .*\n(.*\n)*\s*15 m +5 m ", done.output, re.M)
     folder = tmp_path / "runs" / "realistic-dive-distance"
     assert {it.name for it in folder.iterdir()} == {
         "distances.csv", "distances.parquet", "distance.svg", "distance.png", "manifest.json"

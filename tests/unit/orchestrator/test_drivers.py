@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,10 +13,14 @@ from sblcosim.fmus.build import compiler, factory
 from sblcosim.fmus.build.compiler import Compiler
 from sblcosim.fmus.errors import DamageWarning
 from sblcosim.fmus.platforms import PLATFORMS, suffix, this_platform
-from sblcosim.simulation.masters import c_libraries, lanes_driver, native
+from sblcosim.identification import innovations
+from sblcosim.simulation.masters import c_libraries, lanes_driver, native, replay
 from seams import Seam
 
-BOTH = pytest.mark.parametrize("driver", [native.DRIVER, lanes_driver.DRIVER], ids=lambda d: d.name)
+EACH = pytest.mark.parametrize(
+    "driver", [native.DRIVER, lanes_driver.DRIVER, replay.DRIVER, innovations.DRIVER],
+    ids=lambda d: d.name,
+)
 
 
 @pytest.fixture
@@ -36,7 +41,7 @@ def units(
     return compiled
 
 
-@BOTH
+@EACH
 def test_each_platform_has_its_own_library(
     driver: c_libraries.Driver, units: list[Sequence[factory.Unit]]
 ) -> None:
@@ -51,7 +56,7 @@ def test_each_platform_has_its_own_library(
         assert [len(u) for u in units] == [4 if "x86" in name else 2 for name in PLATFORMS]
 
 
-@BOTH
+@EACH
 def test_what_came_along_is_used_while_the_sources_are_its_own(
     driver: c_libraries.Driver,
     units: list[Sequence[factory.Unit]],
@@ -63,13 +68,15 @@ def test_what_came_along_is_used_while_the_sources_are_its_own(
     files.write_sealed(ready, b"")
     assert c_libraries.library(driver) == ready
     assert c_libraries.available(driver)
-    sources, own = c_libraries.FOLDER, [f"{driver.name}.c", *driver.includes]
+    sources = driver.folder or c_libraries.FOLDER
+    own = [f"{driver.name}.c", *driver.includes]
     for name in own:
         changed = tmp_path / f"{name} changed"
         shutil.copytree(sources, changed)
         (changed / name).write_text((sources / name).read_text() + "\n")
         seam.instead(c_libraries.FOLDER, changed)
-        assert c_libraries.library(driver) != ready
+        elsewhere = replace(driver, folder=driver.folder and changed)
+        assert c_libraries.library(elsewhere) != ready
     assert len(units) == len(own)
 
 

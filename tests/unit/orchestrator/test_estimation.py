@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -215,7 +216,11 @@ def test_a_track_that_is_not_believable_is_not_given(run: Result, tmp_path: Path
     assert np.array_equal(made.position, filtered.position)
     assert np.array_equal(made.covariance, filtered.covariance)
     assert made.available_ns is None
-    assert remark in str(smoothed)
+    first, second, *_ = str(smoothed).splitlines()
+    assert re.match(rf"{re.escape(remark)}: \S+ m RMS, 95 % within", first)
+    assert re.match(r"\w+: \S+ m RMS, 95 % within", second)
+    assert str(smoothed).count(remark) == smoothed.answer.count(remark) == 1
+    assert smoothed._repr_html_().count("its track is not believable") == 1
     assert f"not believable, as {why}" in smoothed.text(verbose=True).splitlines()[-1]
     written = smoothed.to_json()
     assert (written["believable"], written["doubts"]) == (False, [why])

@@ -98,6 +98,16 @@ def test_main_effects_have_the_intervals_of_means():
     np.testing.assert_allclose(sorted(bar[:, 1]), [mean - reach, mean + reach])
 
 
+@pytest.mark.parametrize(("shift", "ends"), [(0.0, True), (-50.0, False)])
+def test_bars_of_a_response_that_is_never_below_zero_end_there(shift, ends):
+    points = pd.DataFrame(list(product((1.0, 3.0), repeat=2)) * 3, columns=["gps", "arm"])
+    y = np.array([0, 0, 1, 0.2, 9, 0, 0.1, 0, 0, 80, 0, 3]) + shift
+    analysis = analyse(points.assign(y=y), ["gps", "arm"], "y", unit="m")
+    bars = plots.plot_main_effects(analysis).collections[0].get_segments()
+    least = min(bar[:, 1].min() for bar in bars)
+    assert (least == pytest.approx(0, abs=1e-12)) if ends else (least < shift)
+
+
 def test_centre_points_are_drawn_among_the_main_effects():
     analysis = experiment(2, 2, centre=3)
     centre = plots.plot_main_effects(analysis).lines[-1]

@@ -11,6 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import jsonschema
+import log_samples
+import made_logs
 import pytest
 import sblcosim.cli
 import typer.main
@@ -50,11 +52,15 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     sweep = STUDY[: STUDY.index("[factors.range]")]
     (folder / "sweep.toml").write_text(f"{sweep}\n[design]\nkind = 'sweep'")
     (folder / "costs.toml").write_text("gps = [900, 40]\n")
+    made_logs.in_folder(folder / "made-log")
+    (folder / "dive.nmea").write_text(log_samples.nmea()["dive.nmea"])
     (folder / "q.toml").write_text(QUESTION)
     for name in ("s", "sweep"):
         assert cli("study", folder / f"{name}.toml", "--out", folder / name).exit_code == 0
     done = cli("run", "paper-scenario-1", *SHORT, "--receiver", "coupled", "--out", folder / "run")
     assert done.exit_code == 0
+    heard = ("--set", "time.duration_s=60", "--no-figures", "--out", folder / "heard")
+    assert cli("run", "harbour-lbl", *heard).exit_code == 0
     return folder
 
 
@@ -95,9 +101,15 @@ CASES: dict[str, Callable[[Path], tuple[Any, ...]]] = {
         "coupled", *SHORT, "--runs", "2", "--practical", "0.1", "--out", at / "compared",
     ),
     "smooth": lambda at: ("smooth", at / "run", "--no-figures", "--out", at / "smoothed"),
+    "identify": lambda at: ("identify", at / "heard", "--no-figures", "--out", at / "device"),
     "replay": lambda at: ("replay", at / "s", run_id(at), "--no-figures", "--out", at / "again"),
     "plan": lambda at: ("plan", "paper-scenario-1", "--receiver", "sequential"),
     "calibrate": lambda at: ("calibrate", "--out", at / "calibration"),
+    "process": lambda at: (
+        "process", at / "made-log", "--receiver", "long_baseline", "--no-figures", "--smooth",
+        "--out", at / "processed",
+    ),
+    "log": lambda at: ("log", at / "dive.nmea", "--out", at / "log"),
     "distances": lambda at: (
         "map", "realistic-dive", "--distance", "40", "--depth", "5", "--cells", "3", "--runs", "2",
         "--duration", "10", "--settling", "5", "--limit", "3", "--no-figures", "--out",

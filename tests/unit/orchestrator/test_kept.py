@@ -48,12 +48,14 @@ class Runs:
 
     def __init__(self, seam: Seam) -> None:
         self.done, self.parts, self.until = 0, 0, 10**9
+        self.meanwhile: Callable[[], object] = lambda: None
         original = lanes.execute
 
         def counted(plan: Any, variations: Any, **options: Any) -> Any:
             if self.parts >= self.until:
                 raise KeyboardInterrupt
             self.parts += 1
+            self.meanwhile()
             outcome = original(plan, variations, **options)
             self.done += len(next(iter(variations.values())))
             return outcome
@@ -215,16 +217,22 @@ def test_others_refuse_such_a_folder_in_a_sentence(runs: Runs) -> None:
 
 
 def test_what_is_refused_at_the_end_is_not_lost(runs: Runs) -> None:
+    """Somebody else puts a file into the folder while the command runs."""
     arguments = COMMANDS["compare"]
-    command(*arguments, "--seed", "5", "--out", "out")
-    runs.again()
+
+    def put() -> None:
+        Path("out").mkdir(exist_ok=True)
+        Path("out/thesis.tex").write_text("precious")
+
+    runs.meanwhile = put
     said = command(*arguments, "--out", "out", code=2)
     assert len(said.splitlines()) == 1
-    assert "--force" in said
+    assert "thesis.tex" in said
     folder = Path("out-unfinished").resolve()
     assert said.endswith(f"; {runs.done} finished runs are kept in {folder}\n")
+    Path("out/thesis.tex").unlink()
     runs.again()
-    command(*arguments, "--out", "out", "--force")
+    command(*arguments, "--out", "out")
     assert runs.done == 0
     assert os.listdir() == ["out"]
 

@@ -9,6 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import log_samples
 import pytest
 from sblcosim.layout import filled, fitted, table
 from sblcosim.results.figures.drawing import wrapped
@@ -100,6 +101,13 @@ COMMANDS = [
     ["smooth", "runs/paper-scenario-1", "--no-figures"],
     ["plan", "paper-scenario-1"],
     ["calibrate"],
+    ["log", "modem.log", "--verbose"],
+    ["run", "harbour-lbl", "--set", "time.duration_s=60", "--log", "--no-figures",
+     "--trajectories", "tum"],
+    ["process", "runs/harbour-lbl/log", "--receiver", "sequential", "--verbose", "--smooth",
+     "--no-figures"],
+    ["process", "modem.log", "--no-figures"],
+    ["identify", "runs/harbour-lbl/log", "--verbose", "--no-figures"],
     ["scenarios"], ["receivers"], ["studies"], ["schema"],
     ["study", "s.toml", "--dry-run"],
     ["study", "s.toml", "--verbose"],
@@ -127,6 +135,7 @@ def printed(folder: Path, columns: int | None) -> dict[str, list[str]]:
     """Lines of each command, on a terminal of so many columns or in a pipe."""
     (folder / "s.toml").write_text(STUDY)
     (folder / "q.toml").write_text(QUESTION)
+    (folder / "modem.log").write_text(log_samples.modem()["modem.log"])
     (folder / "costs.toml").write_text("gps_of_the_platform = [900, 40]\n")
     command = [sys.executable, "-c", SCRIPT, json.dumps(COMMANDS)]
     environment = os.environ | {"COLUMNS": "33"} if columns is None else {**os.environ}

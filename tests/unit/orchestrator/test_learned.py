@@ -253,7 +253,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run with the word, whose receiver does not learn."""
     out = tmp_path_factory.mktemp("runs") / "dive"
     done = cli("run", "realistic-dive", "--receiver", "ekf", "--set", "time.duration_s=30.0",
-               "--set", f"{FULL}=learned", "--out", out, "--no-figures")  # fmt: skip
+               "--set", f"{FULL}=learned", "--out", out, "--no-figures", "--log")  # fmt: skip
     assert done.exit_code == 0, done.output
     return out
 
@@ -265,6 +265,7 @@ ARGUMENTS: Mapping[str, list[str]] = {
     "export ssp": ["realistic-dive", "--out", "x.ssp"],
     "export fmu": ["realistic-dive", "--out", "x"],
     "smooth": ["RUN"],
+    "process": ["RUN/log"],
 }
 
 
@@ -286,7 +287,7 @@ def test_every_command_refuses_a_wrong_word_before_it_begins(
     command: str, run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    words = [str(run) if word == "RUN" else word for word in ARGUMENTS[command]]
+    words = [word.replace("RUN", str(run)) for word in ARGUMENTS[command]]
     near = "must be a number or 'learned', got \"lerned\"; did you mean 'learned'"
     for value, message in (("lerned", near), ("-1", "must be at least 0 or 'learned', got -1")):
         done = cli(*command.split(), *words, "--set", f"{FULL}={value}")

@@ -410,11 +410,12 @@ def test_a_receiver_without_covariance_has_none_of_it(own: Any) -> None:
 
 def test_the_small_table_has_the_share_with_its_interval() -> None:
     it = compared(a=some(0), b=some(45), c=some(0, 60))
-    head, *rows = it.text().split("here: 60 runs\n")[1].splitlines()[:4]
+    head, *rows = it.text(verbose=True).split("here: 60 runs\n")[1].splitlines()[:4]
     heads = re.split(r"\s{2,}", head.strip())
     at = heads.index("misleading") + 1
     cells = [re.split(r"\s{2,}", row)[at] for row in rows]
     assert cells == ["0 % (0–6)", "75 % (62–86)", "–"]
+    assert re.search(r"^b .* 75 % ", it.text(), re.M)
     low, high = share_interval(45, 60)
     assert math.floor(100 * low) == 62
     assert math.ceil(100 * high) == 86

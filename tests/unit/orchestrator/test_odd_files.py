@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import re
+import shutil
 import signal
 import socket
 import subprocess
@@ -13,7 +15,9 @@ from pathlib import Path
 
 import pyarrow as pa
 import pytest
+import sblcosim
 from pyarrow import parquet
+from said import apart_from_compiling
 from sblcosim import study
 from sblcosim.cli import app
 from sblcosim.errors import ConfigurationError
@@ -126,15 +130,28 @@ def patience() -> Iterator[None]:
         signal.signal(signal.SIGALRM, before)
 
 
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a small study."""
+    file = tmp_path_factory.mktemp("study") / "study.toml"
+    file.write_text(STUDY.replace("[factors", 'receivers = ["ekf"]\nreplicates = 2\n[factors'))
+    out = file.with_name("results")
+    done = CliRunner().invoke(app, ["study", str(file), "--out", str(out)])
+    assert done.exit_code == 0, done.output
+    return out
+
+
 @pytest.mark.parametrize("kind", ODD)
 @pytest.mark.parametrize(("command", "name", "beside"), CASES)
 def test_what_is_no_file_is_refused_in_a_line(
     kind: str, command: str, name: str, beside: dict[str, str], tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest,
 ) -> None:  # fmt: skip
     if kind == "folder" and name == "x":
         pytest.skip("that is what it must be")
     monkeypatch.chdir(tmp_path)
+    if command.startswith("advise"):
+        shutil.copytree(request.getfixturevalue("results"), "results")
     for other, text in beside.items():
         (tmp_path / other).parent.mkdir(exist_ok=True)
         (tmp_path / other).write_text(text)
@@ -145,7 +162,22 @@ def test_what_is_no_file_is_refused_in_a_line(
     assert done.exit_code == 2, done.output
     assert "must not happen" not in done.stderr
     (line,) = [x for x in done.stderr.splitlines() if x.startswith("error: ")]
-    assert Path(name).name.split(".")[0] in line or "results" in line or "folder" in line
+    # A folder whose manifest is not one is named itself, and of a link what it leads to.
+    named = "folder" if name == "folder/manifest.json" else name
+    names = [named, "/dev/zero"] if kind == "device" else [named]
+    assert any(re.search(rf"(?<!\w){re.escape(one)}(?!\w)", line) for one in names), line
+    if command.startswith("run") and kind in ("pipe", "device", "socket") and name != "x":
+        assert f"a {kind}" in line or name == "folder/manifest.json"
+        assert "did you mean" not in line
+
+
+def test_a_byte_order_mark_is_no_part_of_the_text(tmp_path: Path) -> None:
+    """Editors on Windows begin files with one."""
+    file = tmp_path / "x.toml"
+    file.write_text(SCENARIO)
+    plain = sblcosim.load(file)
+    file.write_text(SCENARIO, "utf-8-sig")
+    assert sblcosim.load(file) == plain
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems refuse such names")
@@ -157,7 +189,7 @@ def test_a_working_directory_that_is_no_utf_8_is_named(
     monkeypatch.chdir(os.fsdecode(folder))
     done = CliRunner().invoke(app, ["run", "paper-scenario-1"])
     assert done.exit_code == 2
-    line = done.stderr.strip()
+    line = apart_from_compiling(done.stderr).strip()
     assert line.startswith("error: working directory: must have a name in UTF-8, got ")
     assert line.endswith("/n\\udcff'")
 

@@ -40,6 +40,9 @@ from sblcosim.fmus.build.factory import build
 from sblcosim.fmus.conformance.kit import examine
 from sblcosim.fmus.conformance.receiver_contract import check_receiver
 from sblcosim.fmus.files import write_file
+from sblcosim.identification.run import identify
+from sblcosim.logs.contents import log as contents_of_log
+from sblcosim.processing.workflow import process
 from sblcosim.report import paper
 from sblcosim.report import study as reports
 from sblcosim.require.run import decide
@@ -85,11 +88,16 @@ _CONTENTS = (contents.carried_out, contents.study, contents.study_lines)
 CASES = [
     Case(("run", SCENARIO), (api.run,)),
     Case(("run", SCENARIO, "--runs", "3"), (run_many,),
-         without={"--animate": "is of one run, and is refused"}),
+         without={"--animate": "is of one run, and is refused",
+                  "--log": "is of one run, and is refused",
+                  "--trajectories": "are of one run, and are refused"}),
     Case(("smooth", "runs/x"), (smooth,)),
+    Case(("identify", "dive"), (identify,)),
     Case(("plan", SCENARIO), (connect, resolve, check_size, contents.plan),
          without={"--svg": "is of packages, and is refused"}),
     Case(("calibrate",), (calibrate,)),
+    Case(("log", "dive.csv"), (contents_of_log,)),
+    Case(("process", "dive"), (process,)),
     Case(("scenarios",), (), printed=True),
     Case(("receivers",), (), printed=True),
     Case(("studies",), (), printed=True),
@@ -134,6 +142,7 @@ VALUES = {
     "--set": "time.duration_s=7",
     "--out": "elsewhere",
     "--master": "python",
+    "--trajectories": "tum",
     "--from": "harbour-square",
     "--like": "lbl",
     "new --beacons": "1 2 3; 4 5 6; 7 8 0",
@@ -162,6 +171,8 @@ VALUES = {
     "--fmi": "3",
     "map --error": "absolute_horizontal",
     "export fmu --out": "elsewhere.fmu",
+    "--mapping": "other.toml",
+    "--scenario": "harbour-lbl",
 }
 """Another value of each option that takes a text; with the command where it matters."""
 
@@ -276,7 +287,10 @@ def plain(value: Any) -> Any:
 
 def pairs() -> list[Any]:
     return [
-        pytest.param(case, given, words, id=f"{case} {given}")
+        pytest.param(
+            case, given, words, id=f"{case} {given}",
+            marks=[pytest.mark.slow] if given == "--all-platforms" else [],  # compiles for all
+        )
         for case in CASES
         for given, words in options(case)
         if given not in case.without

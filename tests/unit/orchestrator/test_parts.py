@@ -67,7 +67,7 @@ def large(whole: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
         made["replicate"] = first + 1 + np.arange(len(made)) // 2
         made["seed"] = 2 * first + 1 + np.arange(len(made))
         made["run_id"] = [f"{seed:016x}" for seed in made["seed"]]
-        runs = [campaign.Run(0, first + 1, 1, made["run_id"][0])]
+        runs = [campaign.CampaignRun(0, first + 1, 1, made["run_id"][0])]
         parts.write(out, asked, runs, made)
     return out
 
@@ -247,7 +247,7 @@ def test_texts_as_levels_of_factors_are_kept(out: Path) -> None:
     made = store.table(out).assign(arm=["a", "bc"] * 4)
     for path in there.paths:
         path.unlink()
-    runs = [campaign.Run(0, 1, 1, made["run_id"][0])]
+    runs = [campaign.CampaignRun(0, 1, 1, made["run_id"][0])]
     written = parts.write(out, campaign.prepare(small()), runs, made)
     store.save(parts.Parts(out, (written,), frozenset()))
     assert parquet.read_table(out / "runs.parquet")["arm"].to_pylist() == ["a", "bc"] * 4
@@ -277,7 +277,7 @@ def apart(out: Path, pieces: Sequence[pd.DataFrame]) -> Path:
     store.open_folder(out, asked)
     for made in pieces:
         place, replicate = int(made["point"].iloc[0]) - 1, int(made["replicate"].iloc[0])
-        runs = [campaign.Run(place, replicate, 1, made["run_id"].iloc[0])]
+        runs = [campaign.CampaignRun(place, replicate, 1, made["run_id"].iloc[0])]
         parts.write(out, asked, runs, made)
     return out
 

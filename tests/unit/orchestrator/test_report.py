@@ -477,3 +477,23 @@ def test_a_picture_of_a_cloud_is_inside_the_page() -> None:
     shown = analyse(runs, ["gps", "arm", "loss"], "y")
     svg = style.svg(figures.plot_residuals(shown)[0], "cloud")
     assert 'href="data:image/png;base64,' in inline(PagePicture("cloud", svg, "c", "a"))
+
+
+@pytest.mark.parametrize("dark", [False, True])
+def test_the_shadow_at_the_edge_of_a_wide_table_leaves_its_numbers_readable(dark: bool) -> None:
+    """Text on the darkest part of the shadow has the contrast of WCAG 2, level AAA."""
+    text = render(Page("P", "L", [Section("S", "s")]))
+    light, night, *_ = re.findall(r":root {[^}]*}", text)
+    values = dict(re.findall(r"--(\w+): ([^;]*);", night if dark else light))
+    grey, *_, share = map(int, re.findall(r"\d+", values["shade"]))
+    ink, paper = (
+        [int(values[name][i : i + 2], 16) for i in (1, 3, 5)] for name in ("ink", "paper")
+    )
+    under = [paper[i] + (grey - paper[i]) * share / 100 for i in range(3)]
+
+    def luminance(colour: list[Any]) -> float:
+        linear = [((c / 255 + 0.055) / 1.055) ** 2.4 for c in colour]
+        return float(np.dot(linear, [0.2126, 0.7152, 0.0722]))
+
+    low, high = sorted(map(luminance, (ink, under)))
+    assert (high + 0.05) / (low + 0.05) >= 7

@@ -273,8 +273,8 @@ def test_the_answer_of_real_runs(found: tuple[Requirement, Path]) -> None:
     text = answer.answer
     assert text.startswith("The cheapest design that suffices: GPS 0.1 m, baseline 3 m, for 560 €.")
     assert "The next cheaper one worth its cost fails by" in text
-    assert "What limits it most is " in text
-    assert "With a confidence of 95 % no claim about any of the 6 designs is wrong" in text
+    assert "It is limited most by " in text
+    assert "With 95 % confidence, every claim about the 6 designs is right" in text
     assert answer.spent < 3000
     # The same from the table of runs.
     runs = store.table(out / "runs")
@@ -338,7 +338,7 @@ def test_none_suffices_is_an_answer() -> None:
     assert answer.chosen is None
     text = answer.answer
     assert text.startswith("No design suffices: all 6 surely fail.")
-    assert "The nearest, " in text
+    assert "The nearest design, " in text
     assert ", surely by " in text
     assert answer.nearest == answer.designs["estimate"].idxmin()
 
@@ -348,21 +348,21 @@ def test_open_is_an_answer_and_says_how_many_runs_it_takes() -> None:
     answer = pretended(question, dict.fromkeys(range(6), 1.0))
     assert question.rule.least == 104
     assert answer.designs["verdict"].eq("undecided").all()
-    assert "takes at least 104 runs" in answer.answer
-    assert "8 more are needed at each of the 6" in answer.answer
+    assert "At least 104 runs of a design, all of them good," in answer.answer
+    assert "each of the 6 undecided ones has 96 and needs 8 more" in answer.answer
     half = pretended(require.load(changed(most_runs=3 * 96)), dict.fromkeys(range(6), 1.0))
     assert half.answer.endswith("3 were not tried: a first look at all designs takes a budget of "
                                   "576 runs.")
-    assert "all 6 stay undecided, 3 of them not tried." in half.answer
-    assert "all of them good ones; those that are undecided have 0 to 96." in half.answer
+    assert "all 6 are undecided, 3 of them not tried." in half.answer
+    assert "to say that it suffices; the undecided ones have 0 to 96." in half.answer
     assert "tried" not in answer.answer
     exact = pretended(require.load(QUESTION), {0: 0.5, 1: 0.5, 2: 0.9, 3: 0.5, 4: 0.5, 5: 0.5})
-    assert "The nearest is undecided: GPS 1 m, baseline 0.4 m" in exact.answer
+    assert "The nearest design is undecided: GPS 1 m, baseline 0.4 m" in exact.answer
     # Where all that are undecided have as many runs: what is missing of each.
     strict = require.load(changed(share=0.99, most_runs=6 * 96))
     few = pretended(strict, dict.fromkeys(range(6), 1.0))
     missing = strict.rule.least - 96
-    assert f"there are 96, {missing} more are needed at each of the 6 that" in few.answer
+    assert f"each of the 6 undecided ones has 96 and needs {missing} more" in few.answer
     assert strict.rule.verdict(96 + missing, 96 + missing) == "suffices"
 
 
@@ -383,11 +383,11 @@ def test_the_nearest_does_not_surely_fail_while_others_are_open() -> None:
     assert tried.counts == {"suffices": 0, "fails": 3, "undecided": 3}
     assert tried.nearest < 3
     text = tried.answer
-    assert "of 6, 3 fail for sure, 3 stay undecided, none of them tried." in text
-    assert f"The nearest of those that were tried, {tried.priced(tried.nearest)}, fails by" in text
+    assert "of 6, 3 fail for sure, 3 are undecided, none of them tried." in text
+    assert f"The nearest design that was tried, {tried.priced(tried.nearest)}, fails by" in text
     assert "3 were not tried: a first look at all designs takes a budget of 576" in text
     least = tried.question.rule.least
-    assert f"there are 0, {least} more are needed at each of the 3 that are undecided." in text
+    assert f"each of the 3 undecided ones has 0 and needs {least} more." in text
 
 
 def test_prices_are_added_as_on_paper() -> None:
@@ -422,17 +422,17 @@ def test_cheaper_designs_that_stay_open_are_told() -> None:
     )
     assert answer.chosen == 3
     beside = {0, 2} - {answer.cheaper}
-    said = "2 stay" if len(beside) == 2 else "1 stays"
-    assert f"Of the cheaper ones, {said} undecided besides." in answer.answer
+    said = "2 more are" if len(beside) == 2 else "1 more is"
+    assert f"Of the cheaper designs, {said} undecided." in answer.answer
 
 
 def test_without_any_run_there_is_an_answer() -> None:
     answer = pretended(require.load(changed(most_runs=5)), dict.fromkeys(range(6), 1.0))
     assert answer.spent == 0
     assert answer.limits.without == {}
-    assert "all 6 stay undecided, none of them tried." in answer.answer
+    assert "all 6 are undecided, none of them tried." in answer.answer
     assert "nearest" not in answer.answer
-    assert f"there are 0, {answer.question.rule.least} more are needed" in answer.answer
+    assert f"has 0 and needs {answer.question.rule.least} more" in answer.answer
     plot_front(answer)
     assert "–" in answer.text(verbose=True, width=80)
 
@@ -694,7 +694,7 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert Path(told["report"]).exists()
     again = CliRunner().invoke(app, ["require", "small.toml", "--most-runs", "50", "--out", "few"])
     assert again.exit_code == 1
-    assert "No design surely suffices: all 6 stay undecided, none of them tried." in again.stdout
+    assert "No design surely suffices: all 6 are undecided, none of them tried." in again.stdout
     wrong = CliRunner().invoke(app, ["require", "small.toml", "--most-runs", "0"])
     assert wrong.exit_code == 2
 
@@ -762,8 +762,8 @@ def test_what_is_missing_to_decide_is_true(passed: int, runs: int) -> None:
         # Clopper and Pearson's interval, by the quantiles of the beta distribution.
         low = stats.beta.ppf(0.025, passed, runs - passed + 1)
         high = stats.beta.ppf(0.975, passed + 1, runs - passed)
-        assert f"may as well be {100 * low:.4g} % or {100 * high:.4g} % (95 % interval)" in text
-        shares, text = [low, high], text.partition("then ")[2]
+        assert f"anything from {100 * low:.4g} % to {100 * high:.4g} % (95 % interval)" in text
+        shares, text = [low, high], text.partition("At these ends, ")[2]
     told = [int(n.replace(",", "")) for n in re.findall(r"\b\d[\d,]*", text)]
     assert len(told) == len(shares)
     for n, share in zip(told, shares, strict=True):
@@ -842,12 +842,12 @@ def test_what_limits_a_design_is_found_on_the_same_noise() -> None:
 @pytest.mark.parametrize(
     ("without", "enough", "words_"),
     [
-        ({"a": 0.5, "b": 1.2, "c": 2.0}, ("a",), "It would do without a alone."),
-        ({"a": 0.5, "b": 0.9, "c": 2.0}, ("a",), "It would do without any one of a and b."),
-        ({"a": 0.5, "b": 0.8, "c": 1.0}, ("a",), "It would do without any one of a, b and c."),
+        ({"a": 0.5, "b": 1.2, "c": 2.0}, ("a",), "It would suffice without a alone."),
+        ({"a": 0.5, "b": 0.9, "c": 2.0}, ("a",), "It would suffice without any one of a and b."),
+        ({"a": 0.5, "b": 0.8, "c": 1.0}, ("a",), "It would suffice without any one of a, b and c."),
         ({"a": 1.5, "b": 1.7, "c": 2.0}, ("a", "b"),
-         "It would do without a and b together, but not without one of them alone."),
-        ({"a": 1.5, "b": 1.7}, (), "Not even without all of them would it do."),
+         "It would suffice without a and b together, but not without one of them alone."),
+        ({"a": 1.5, "b": 1.7}, (), "It would not suffice even without all of them."),
     ],
 )  # fmt: skip
 def test_errors_without_which_it_would_do_are_alone_or_together(
@@ -871,7 +871,7 @@ def test_the_answer_ends_when_it_is_sure() -> None:
     assert (ended.designs["runs"] < whole.designs["runs"])[3:].all()
     left = int((ended.designs["verdict"] == "undecided").sum())
     assert left == 3
-    assert "3 that are dearer were left undecided." in ended.answer
+    assert "3 dearer designs were left undecided." in ended.answer
     assert "dearer" not in whole.answer
     free = require.load(changed(choices={
         name: {k: v for k, v in table.items() if k != "costs"}
@@ -887,7 +887,7 @@ def test_an_answer_that_ends_when_it_is_sure_counts_the_runs_that_are_there(
     """A dear design is near the limit, and would go on when a cheaper one suffices."""
     asked = require.load(changed(limit=2.6, most_runs=2000))
     ended = require.decide(asked, tmp_path / "ended", until_sure=True)
-    assert "1 that is dearer was left undecided." in ended.answer
+    assert "1 dearer design was left undecided." in ended.answer
     once_more = require.decide(asked, tmp_path / "ended", until_sure=True)
     pd.testing.assert_frame_equal(once_more.designs, ended.designs)
     whole = require.decide(asked, tmp_path / "ended")
@@ -903,7 +903,7 @@ def test_an_answer_without_costs_leaves_none_alone_and_says_so() -> None:
         name: {k: v for k, v in table.items() if k != "costs"}
         for name, table in QUESTION["choices"].items()
     }))  # fmt: skip
-    said = "None was left alone for being dearer: no design has a cost."
+    said = "No design was skipped as dearer, because none has a cost."
     for until_sure in (False, True):
         answer = pretended(free, dict.fromkeys(range(6), 0.99), until_sure=until_sure)
         assert (said in answer.answer) == until_sure
@@ -942,14 +942,14 @@ def test_of_a_decided_design_only_the_end_of_its_claim_is_drawn_and_written(
 @pytest.mark.parametrize(
     ("everything", "without", "said"),
     [
-        (2.5, {"a": 0.5, "b": 1.2, "c": 2.6}, "What limits it most is a: in 40 other runs 90 % are "
-         "within 2.5 m with all errors, and 90 % would be within 0.5 m without this one; without b "
-         "1.2 m."),
-        (np.inf, {"a": 0.7, "b": np.inf}, "What limits it most is a: in 40 other runs fewer than "
+        (2.5, {"a": 0.5, "b": 1.2, "c": 2.6}, "It is limited most by a: in 40 other runs, 90 % are "
+         "within 2.5 m with all errors, and 90 % would be within 0.5 m without this one, 1.2 m "
+         "without b."),
+        (np.inf, {"a": 0.7, "b": np.inf}, "It is limited most by a: in 40 other runs, fewer than "
          "90 % end well with all errors, and 90 % would be within 0.7 m without this one."),
-        (0.9, {"a": 0.9, "b": 1.2}, "No error alone limits it: in 40 other runs 90 % are within "
+        (0.9, {"a": 0.9, "b": 1.2}, "No error alone limits it: in 40 other runs, 90 % are within "
          "0.9 m with all errors, and no less without any one of them."),
-        (np.inf, {"a": np.inf, "b": np.inf}, "No error alone limits it: in 40 other runs fewer "
+        (np.inf, {"a": np.inf, "b": np.inf}, "No error alone limits it: in 40 other runs, fewer "
          "than 90 % end well with all errors, and no less without any one of them."),
         (np.nan, {}, ""),
     ],
@@ -985,7 +985,7 @@ def test_runs_that_are_there_count_whatever_the_budget_is(
     for budget in (1, 96, before.spent - 1, before.spent):
         again = require.decide(QUESTION, tmp_path / "again", most_runs=budget)
         pd.testing.assert_frame_equal(again.designs, before.designs)
-        said = f"That took {before.spent:,} runs: runs that were there count beyond"
+        said = f"The answer took {before.spent:,} runs: the budget of {budget:,} does not include"
         assert (said in again.answer) == (budget < before.spent)
     assert len(store.table(tmp_path / "again" / "runs")) == before.spent
     fresh = require.decide(QUESTION, tmp_path / "fresh", most_runs=2 * 96)
@@ -1074,7 +1074,7 @@ def test_a_question_may_be_moved_with_its_files(tmp_path: Path, seam: Seam) -> N
     here.joinpath("dive.toml").write_text(sblcosim.load("paper-scenario-1").dump_toml(), "utf-8")
     choice = {"keys": ["receivers"], "levels": ["ekf", "mine.fmu"], "costs": [5, 0]}
     tables = changed(
-        name=None, scenario="dive.toml", response="own.py:spread", most_runs=96,
+        name=None, scenario="dive.toml", response="own.py:spread", most_runs=32,
         choices={"who": choice}, fixed={"time": {"duration_s": 2.0}}, settling_time_s=1.0,
     )  # fmt: skip
     here.joinpath("asked.toml").write_text(as_toml(tables), "utf-8")

@@ -308,7 +308,7 @@ EVERY_SEA_KEY = {f"platform.{key}": 1.0 for key in SEA}
         (
             {}, EVERY_SEA_KEY | {"platform.beaufort": 6},
             "platform.beaufort: must have an effect, got none, as roll_amplitude_deg, "
-            "pitch_amplitude_deg and 6 others are given$",
+            "pitch_amplitude_deg and 8 others are given$",
         ),
         (
             {"platform": {"fmu": "/other.fmu"}}, {"platform.beaufort": 6},
@@ -807,3 +807,33 @@ def test_a_written_scenario_follows_another_seed() -> None:
         other = made.override({"seed": 5})
         assert [getattr(other, name).seed for name in CORE_COMPONENTS] == [5, 5, 9]
     assert again.dump_toml() == scenario.dump_toml()
+
+
+WAVES = {"platform.motion": "spectrum", "platform.wave_height_m": 1.0}
+
+
+@pytest.mark.parametrize(("changes", "message"), [
+    ({"platform.motion": "spectrum"}, r"platform.motion: must come with wave_height_m or beaufort "
+     "when it is 'spectrum', got neither"),
+    (WAVES | {"platform.wave_height_m": -0.1}, "platform.wave_height_m: must be at least 0.0, got"),
+    (WAVES | {"platform.wave_period_s": -5.0}, "platform.wave_period_s: must be at least 0.5 or"),
+    (WAVES | {"platform.wave_period_s": "long"}, "wave_period_s: must be a number or 'dev"),
+    (WAVES | {"platform.wave_peak_enhancement": 0.5}, "wave_peak_enhancement: must be at least 1"),
+    (WAVES | {"platform.wave_components": 0}, "wave_components: must be at least 1, got 0"),
+    (WAVES | {"platform.wave_components": 17}, "platform.wave_components: must be at most 16"),
+    (WAVES | {"platform.raft_size_m": 0.0}, "platform.raft_size_m: must be at least 0.1"),
+    (WAVES | {"platform.watch_circle_m": -3.0}, "platform.watch_circle_m: must be at least 0.0"),
+    (WAVES | {"platform.mooring_time_s": 0.0}, "platform.mooring_time_s: must be at least 0.1"),
+    (WAVES | {"platform.motion": "waves"}, "platform.motion: must be 'sines' or 'spectrum'"),
+])  # fmt: skip
+def test_a_sea_that_cannot_be_is_refused_in_one_line(changes: Any, message: str) -> None:
+    with pytest.raises(ConfigurationError, match=message) as refused:
+        load("paper-scenario-1", changes)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_beaufort_number_sets_the_sea_of_a_spectrum() -> None:
+    scenario = load("paper-scenario-1", {"platform.motion": "spectrum", "platform.beaufort": 4})
+    assert (scenario.platform.wave_height_m, scenario.platform.wave_period_s) == (1.0, 5.0)
+    calm = load("paper-scenario-1", {"platform.motion": "spectrum", "platform.beaufort": 0})
+    assert (calm.platform.wave_height_m, calm.platform.wave_period_s) == (0.0, "developed")

@@ -7,6 +7,7 @@ import struct
 from pathlib import Path
 from typing import Any
 
+import made_logs
 import numpy as np
 import pandas as pd
 import pytest
@@ -19,6 +20,7 @@ from matplotlib.figure import Figure
 from sblcosim import limits
 from sblcosim.calibrate import calibrate
 from sblcosim.data.description import RunDescription
+from sblcosim.logs.contents import contents_of
 from sblcosim.results.responses import Run
 from sblcosim.results.result import Result
 from sblcosim.shown import Listing, Picture
@@ -48,7 +50,13 @@ def things(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     setting = limits.conditions(sblcosim.load("realistic-dive"), acceleration_psd=0.001)
     grid = np.tile([10.0, 0.0, 5.0], (30, 20, 1))
     run = Run(result.record, "coupled")
+    dive = made_logs.made(seconds=60)
     return {
+        "log": dive,
+        "contents": contents_of(dive),
+        "processed": sblcosim.process(dive, "sequential"),
+        "device": sblcosim.identify(dive),
+        "path of a diver": result.paths[0],
         "result": result,
         "description": result.description,
         "record": result.record,
@@ -74,7 +82,8 @@ def things(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
 KINDS = (
     "result", "description", "record", "record estimates", "limits", "smoothed", "track",
     "estimates", "run", "judged", "study", "scenario", "analysis", "advice", "calibration", "hdop",
-    "closed form", "picture", "estimate",
+    "closed form", "picture", "estimate", "log", "contents", "processed", "device",
+    "path of a diver",
 )  # fmt: skip
 
 
@@ -134,7 +143,15 @@ def test_lines_are_true(things: dict[str, Any]) -> None:
     assert f"speed of sound: {speed:.1f} ± " in repr(things["calibration"])
 
 
-PAGES = ("result", "smoothed", "study", "analysis", "advice", "calibration")
+def test_an_identified_device_says_which_beacon_has_which_number(things: dict[str, Any]) -> None:
+    said = "numbers of the beacons: 1 is B0, 2 is B1, 3 is B2, 4 is B3"
+    assert said in things["device"].remarks
+
+
+PAGES = (
+    "result", "smoothed", "study", "analysis", "advice", "calibration", "contents", "processed",
+    "device",
+)
 
 
 @pytest.mark.parametrize("kind", PAGES)
@@ -196,6 +213,7 @@ def test_a_plot_of_an_analysis_is_one_picture(things: dict[str, Any], name: str)
 def test_other_plots_are_pictures(things: dict[str, Any]) -> None:
     assert "image/png" in shown(things["calibration"].plot())[0]
     assert "image/png" in shown(things["smoothed"].plot_path())[0]
+    assert "image/png" in shown(things["contents"].plot())[0]
 
 
 def test_axes_of_the_user_are_shown_by_who_made_them(things: dict[str, Any]) -> None:
@@ -238,4 +256,4 @@ def test_completion_offers_public_names(things: dict[str, Any]) -> None:
     assert {".run", ".scenarios", ".PythonComponent", ".Overrides"} <= {*after("sblcosim.")}
     assert {*after("result.plot_")} == {f".{name}" for name in PLOTS}
     assert ".arm_length_m" in after("platform.a")
-    assert len(after("result.")) <= 45
+    assert len(after("result.")) <= 46

@@ -30,6 +30,12 @@ DISTRIBUTIONS = {
     "triangular": (
         distribution_of("triangular", range=[1, 4], mode=2), stats.triang(1 / 3, loc=1, scale=3)
     ),
+    "triangular from its mode": (
+        distribution_of("triangular", range=[1, 4], mode=1), stats.triang(0, loc=1, scale=3)
+    ),
+    "triangular to its mode": (
+        distribution_of("triangular", range=[1, 4], mode=4), stats.triang(1, loc=1, scale=3)
+    ),
 }
 
 

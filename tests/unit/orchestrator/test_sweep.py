@@ -45,3 +45,13 @@ def test_each_factor_has_a_panel_with_its_unit() -> None:
     assert [p.get_xlabel() for p in panels] == ["arm [m]", "gps"]
     assert panels[0].get_ylabel() == "Mean error [m]"
     assert panels[0].get_ylim()[0] <= 0
+
+
+@pytest.mark.parametrize(("shift", "ends"), [(0.0, True), (-1.0, False)])
+def test_an_interval_ends_at_zero_if_no_run_is_below(shift: float, ends: bool) -> None:
+    table = pd.DataFrame({"arm": [1.0] * 4 + [2.0] * 4, "y": [0.0, 0.0, 0.1, 5.0, 1, 2, 3, 4]})
+    low = sweep.means(table.assign(y=table["y"] + shift), ["arm"], "y")["low"]
+    assert (low.iloc[0] == 0) == ends
+    assert low.iloc[1] > 0 or shift
+    bar = sweep.plot_means(sweep.means(table, ["arm"], "y"))[0].collections[0].get_segments()[0]
+    assert bar[:, 1].min() == 0

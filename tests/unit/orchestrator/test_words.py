@@ -16,6 +16,7 @@ from sblcosim.words.numbers import (
     interval,
     measured,
     meters,
+    meters_at_most,
     minus,
     number,
     ordinal,
@@ -95,6 +96,8 @@ def test_units_and_signs_of_given_numbers() -> None:
         "−3°", "−3 m", "3", "ekf"]  # fmt: skip
     assert minus("a-b 2-3 -4 1e-05") == "a-b 2-3 −4 1e−05"
     assert unbroken("-2 m, 3 s, 4 more") == "−2\u00a0m, 3\u00a0s, 4 more"
+    assert [*map(meters_at_most, (0.1231, 1.21, 12.1, 2e6))] == [
+        "0.13 m", "1.3 m", "13 m", "2.0e+06 m"]  # fmt: skip
     assert [*map(short_length, (0.05, 1.0, 2e4, nan))] == ["0.050 m", "1.00 m", "2.0e+04 m", ""]
 
 
@@ -106,6 +109,8 @@ def test_shares_in_per_cent() -> None:
     assert [whole_percent(x) for x in (-0.001, -0.03, 0.126, nan)] == ["0 %", "−3 %", "13 %", ""]
     assert [percent_at_least(0.9899), percent_at_least(0.9999), percent_at_most(0.011)] == [
         "98 %", "99.9 %", "2 %"]  # fmt: skip
+    assert [*map(column_percent, (0.0, 4e-4, 7e-4, 0.1234))] == [
+        "0.0 %", "< 0.1 %", "0.1 %", "12.3 %"]  # fmt: skip
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,1 @@
+"""Logs: recorded receptions, depths, fixes and truth, and how they are read and written."""

@@ -1,0 +1,229 @@
+"""Log: what was received and measured during a dive, from any source, checked."""
+
+from __future__ import annotations
+
+import hashlib
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..data import samples
+from ..data.estimates import Estimates, Flags, Floats, Integers
+from ..data.samples import Samples
+from ..data.truth import Truth
+from ..shown import Shown
+from ..words.lists import counted, plural
+from .meta import BEACONS, Meta
+from .raw import Flaw
+
+_DATED_NS = 946_684_800 * 10**9
+"""Times from the year 2000 on count as dates [ns]."""
+_MOST_LINES = 5
+"""Number of lines that a remark names."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Receptions:
+    """Packets in the order of their arrival; shape (m, …).
+
+    Attributes
+    ----------
+    arrival_ns, epoch_ns
+        Time of the arrival, and the time to which the range belongs [ns].
+    beacon
+        Index of the beacon in `Log.beacons`.
+    range
+        [m].
+    beacon_position
+        As reported or, without a report, of the fixed beacon, NED [m]; (m, 3).
+    has_pose
+        Whether the packet holds the platform's pose.
+    platform_position, platform_attitude
+        That pose: NED [m], and roll, pitch, yaw [rad]; 0 without; (m, 3).
+    packet
+        Positions of all beacons in the packet, NED [m]; 0 without; (m, beacons, 3).
+    line
+        Line in the source; 0 if it has none.
+    """
+
+    arrival_ns: Integers
+    epoch_ns: Integers
+    beacon: NDArray[np.intp]
+    range: Floats
+    beacon_position: Floats
+    has_pose: Flags
+    platform_position: Floats
+    platform_attitude: Floats
+    packet: Floats
+    line: Integers
+
+    def __len__(self) -> int:
+        return len(self.range)
+
+    def chosen(self, which: Flags) -> Self:
+        """The selected packets."""
+        return type(self)(**{f.name: getattr(self, f.name)[which] for f in fields(self)})
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Log(Shown):
+    """A checked log. Made by `sblcosim.logs.read.read_log`.
+
+    Attributes
+    ----------
+    name
+        Name of the log.
+    meta
+        What it says about itself.
+    beacons
+        Names of the beacons.
+    receptions
+        The packets.
+    depth_ns, depth
+        Readings of the depth sensor [ns], [m]; shape (d,).
+    truth
+        True positions on a clock and in a frame as `meta` says, or None.
+    fixes
+        Positions that devices have computed themselves, by the name of the device.
+    findings
+        Lines that were left out, or put right.
+    remarks
+        What else must be known, as sentences.
+    scenario
+        File of the scenario with the settings of this log, or None.
+    entries
+        Number of entries in the source, before any was left out, by the name of their table.
+    source
+        Path that the log was read from, as it was given; empty for other logs.
+    """
+
+    name: str
+    meta: Meta
+    beacons: tuple[str, ...]
+    receptions: Receptions
+    depth_ns: Integers
+    depth: Floats
+    truth: Truth | None = None
+    fixes: Mapping[str, Estimates] = field(default_factory=dict)
+    findings: tuple[Flaw, ...] = ()
+    remarks: tuple[str, ...] = ()
+    scenario: Path | None = None
+    entries: Mapping[str, int] = field(default_factory=dict)
+    source: str = ""
+
+    @property
+    def start_ns(self) -> int:
+        """Begin of the log [ns]: as stated, or the first time in it."""
+        first, stated = self._times()[0], self.meta.start_ns
+        return first if stated is None else min(first, stated)
+
+    @property
+    def stop_ns(self) -> int:
+        """End of the log [ns]: as stated, or the last time in it."""
+        last, stated = self._times()[1], self.meta.stop_ns
+        return last if stated is None else max(last, stated)
+
+    def _times(self) -> tuple[int, int]:
+        heard = self.receptions
+        each = [heard.arrival_ns, heard.epoch_ns, self.depth_ns]
+        each += [fixes.epoch_ns for fixes in self.fixes.values()]
+        some = [times for times in each if len(times)]
+        return (
+            min(int(times.min()) for times in some), max(int(times.max()) for times in some)
+        ) if some else (0, 0)
+
+    @property
+    def dated(self) -> bool:
+        """Whether its times are since 1970, rather than from a zero of the source."""
+        return self.start_ns >= _DATED_NS
+
+    @property
+    def own_clock(self) -> bool:
+        """Whether the truth has a clock of its own, with an unknown offset."""
+        return self.meta.clock.truth.offset_s == "estimate"
+
+    def in_own_axes(self, label: str) -> bool:
+        """Whether estimates are along axes of their own, and not north and east.
+
+        Parameters
+        ----------
+        label
+            Name of a device in `fixes`, or of a receiver, whose axes are those of the beacons.
+        """
+        return (label if label in self.fixes else BEACONS) in self.meta.frame.own_axes
+
+    @property
+    def called(self) -> str:
+        """The path that the log was read from, and its own name where that is another one."""
+        if not self.source:
+            return self.name
+        same = self.name in (Path(self.source).name, Path(self.source).stem)
+        return self.source if same else f"{self.source} ({self.name})"
+
+    def sha256(self) -> str:
+        """A hash of all data; equal for logs with equal data and statements.
+
+        The name of the log and the lines of the source do not count.
+        """
+        said = [self.meta.model_dump_json(exclude={"name"}), *self.beacons, "", *self.fixes]
+        digest = hashlib.sha256("\n".join(said).encode())
+        tables: list[Receptions | Truth] = [self.receptions]
+        if self.truth is not None:
+            tables.append(self.truth)
+        each = [getattr(table, f.name) for table in tables for f in fields(table)
+                if f.name != "line"]
+        each += [self.depth_ns, self.depth]
+        each += [own for fixes in self.fixes.values() for own in fixes.columns().values()]
+        for array in each:
+            digest.update(repr(np.shape(array)).encode() + np.asarray(array, float).tobytes())
+        return digest.hexdigest()
+
+    def samples(self, pose_source: int | None = None) -> Samples:
+        """Ranges and depths for an estimator after the dive; times count from `start_ns`.
+
+        Parameters
+        ----------
+        pose_source
+            As for `sblcosim.data.samples.of_record`; None: the pose, if the packets hold it.
+        """
+        heard, start = self.receptions, self.start_ns
+        posed = heard.has_pose & (pose_source != samples.OWN)
+        order = np.lexsort((heard.beacon, heard.epoch_ns))
+        place = np.where(posed[:, None], heard.platform_position, heard.beacon_position)
+        turn = np.where(posed[:, None], heard.platform_attitude, 0.0)
+        return Samples(
+            0, self.depth_ns - start, self.depth, (heard.epoch_ns - start)[order],
+            heard.beacon[order], heard.range[order], posed[order], place[order], turn[order],
+        )
+
+    def counted(self) -> list[str]:
+        """What was found in lines of the source: a sentence for each kind."""
+        return told(self.findings)
+
+    def _gist(self) -> str:
+        span = (self.stop_ns - self.start_ns) / 1e9
+        return (
+            f"of {span:.0f} s: {counted(len(self.receptions), 'range')} of "
+            f"{counted(len(self.beacons), 'beacon')}, {counted(len(self.depth), 'depth')}"
+        )
+
+
+def told(findings: tuple[Flaw, ...] | list[Flaw]) -> list[str]:
+    """A sentence for each kind of finding, with the first lines."""
+    kinds = Counter((f.file, f.what, f.used) for f in findings)
+    sentences = []
+    for (file, what, used), count in kinds.items():
+        of_kind = (f.line for f in findings if (f.file, f.what, f.used) == (file, what, used))
+        lines = list(dict.fromkeys(of_kind))
+        shown = ", ".join(map(str, lines[:_MOST_LINES]))
+        more = ", …" if len(lines) > _MOST_LINES else ""
+        word = plural(len(lines), "line")
+        end = "put right" if used else "left out"
+        noun = "line" if len(lines) == count else "value"
+        sentences.append(f"{file}: {counted(count, noun)} {end}: {what} ({word} {shown}{more})")
+    return sentences

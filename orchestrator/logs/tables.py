@@ -1,0 +1,65 @@
+"""The tables of what is in a log, their columns declared."""
+
+from __future__ import annotations
+
+from ..data.tables import Columns, TableColumn
+
+BEACONS = Columns(
+    "HeardBeacon",
+    "The ranges of one beacon.",
+    (),
+    (
+        TableColumn("beacon", "Name of the beacon.", heading="beacon", type=str),
+        TableColumn("ranges", "Number of ranges that can be used.", heading="ranges", type=int),
+        TableColumn("left_out", "Number that are left out.", heading="left out", type=int),
+        TableColumn("repeated", "Number of these that were only read again.", heading="repeated",
+                    type=int),
+        TableColumn("used_share", "Share of its ranges that can be used.", heading="used"),
+        TableColumn("rate_Hz", "Ranges per second, from the first to the last.", "Hz", "rate"),
+        TableColumn("gaps", "Number of pauses longer than five times the median.", heading="gaps",
+                    type=int),
+        TableColumn("longest_gap_s", "Longest time between two ranges.", "s", "longest"),
+        TableColumn("first_s", "Time of the first, from the begin of the log.", "s"),
+        TableColumn("last_s", "Time of the last.", "s"),
+        TableColumn("shortest_m", "Shortest range.", "m", "from"),
+        TableColumn("median_m", "Median range.", "m", "median"),
+        TableColumn("longest_m", "Longest range.", "m", "to"),
+    ),
+    unit="",
+)
+SERIES = Columns(
+    "LoggedSeries",
+    "The depths, the truth, or the positions that a device has computed itself.",
+    (),
+    (
+        TableColumn("series", "``depth``, ``truth``, or ``fixes`` with the name of the device.",
+                    heading="series", type=str),
+        TableColumn("values", "Number of values that can be used.", heading="values", type=int),
+        TableColumn("left_out", "Number that are left out.", heading="left out", type=int),
+        TableColumn("repeated", "Number of these that were only read again.", heading="repeated",
+                    type=int),
+        TableColumn("used_share", "Share of its values that can be used.", heading="used"),
+        TableColumn("rate_Hz", "Values per second, from the first to the last.", "Hz", "rate"),
+        TableColumn("gaps", "Number of pauses longer than five times the median.", heading="gaps",
+                    type=int),
+        TableColumn("longest_gap_s", "Longest time between two values.", "s", "longest"),
+        TableColumn("first_s", "Time of the first, from the begin of the log.", "s"),
+        TableColumn("last_s", "Time of the last.", "s"),
+    ),
+    unit="",
+)
+FLAWS = Columns(
+    "LoggedFlaw",
+    "Lines of the source that could not be used as they stand.",
+    (),
+    (
+        TableColumn("file", "File in which they stand.", heading="file", type=str),
+        TableColumn("flaw", "What is wrong with them.", heading="flaw", type=str),
+        TableColumn("used", "Whether they count all the same, put right.", heading="used",
+                    type=bool),
+        TableColumn("entries", "Number of entries; a line may have several.", heading="entries",
+                    type=int),
+        TableColumn("lines", "Numbers of the lines, from 1, with blanks between them.",
+                    heading="lines", type=str),
+    ),
+)

@@ -1,0 +1,1 @@
+"""Processing: recorded receptions and depths through receivers, and what is made of the result."""

@@ -1,0 +1,159 @@
+"""A truth on a clock, or in a frame, of its own: its offset, turn and shift, from estimates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from sblcosim.fmus.host.nanoseconds import SECOND
+
+from ..data.estimates import Estimates, Floats
+from ..data.truth import Truth
+from ..lazy import Module
+from ..logs.log import Log
+from ..words.numbers import quantity, signed
+
+optimize: Any = Module("scipy.optimize")
+
+_WIDEST_S = 600.0
+"""Largest offset of clocks that is looked for [s], beyond that of the middles."""
+_STEPS = 241
+_LEAST = 30
+"""Number of estimates that an alignment needs."""
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """How a truth was brought to the clock and the frame of a log.
+
+    Attributes
+    ----------
+    offset_s
+        What was added to its times [s].
+    turn_rad, shift_m
+        Turn about the vertical, and then the shift north, east, down [m].
+    estimated
+        Whether the offset, and whether turn and shift, were estimated.
+    """
+
+    offset_s: float = 0.0
+    turn_rad: float = 0.0
+    shift_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    estimated: tuple[bool, bool] = (False, False)
+
+    def told(self, label: str) -> str:
+        """What was done, as a sentence; empty if nothing was."""
+        parts = []
+        if self.offset_s or self.estimated[0]:
+            parts.append(f"its clock by {signed(self.offset_s, 3)} s")
+        if self.estimated[1]:
+            north, east, down = self.shift_m
+            parts.append(
+                f"its frame by a turn of {signed(float(np.rad2deg(self.turn_rad)), 3)}° and "
+                f"({signed(north)}, {signed(east)}, {signed(down)}) {quantity('', 'm').strip()}"
+            )
+        if not parts:
+            return ""
+        how = (
+            f"so that it fits {label} best; errors are what then remains"
+            if any(self.estimated) else "as meta.toml says"
+        )
+        return f"truth: moved {' and '.join(parts)}, {how}"
+
+
+def aligned(log: Log, estimates: Estimates) -> tuple[Truth, Alignment] | None:
+    """The truth on the clock and in the frame of the log; None without a truth that fits.
+
+    Parameters
+    ----------
+    estimates
+        Estimates of the main receiver, in the times and coordinates of the log.
+    """
+    truth = log.truth
+    if truth is None:
+        return None
+    stated = log.meta.clock.truth.offset_s
+    by_clock = stated == "estimate" or not _overlaps(truth, log)
+    by_frame = log.meta.frame.truth == "estimate"
+    offset = 0.0 if by_clock else float(stated)
+    alignment = Alignment(offset, estimated=(by_clock, by_frame))
+    if (by_clock or by_frame) and len(estimates) >= _LEAST:
+        alignment = _estimated(truth, estimates, alignment)
+    elif by_clock or by_frame:
+        return None
+    return moved(truth, alignment), alignment
+
+
+def moved(truth: Truth, by: Alignment) -> Truth:
+    """A truth with another clock and frame."""
+    turn = _turn(by.turn_rad)
+    return replace(
+        truth,
+        time_ns=truth.time_ns + round(by.offset_s * SECOND),
+        position=truth.position @ turn.T + by.shift_m,
+        velocity=None if truth.velocity is None else truth.velocity @ turn.T,
+    )
+
+
+def _turn(angle: float) -> Floats:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _overlaps(truth: Truth, log: Log) -> bool:
+    offset = log.meta.clock.truth.offset_s
+    late = 0 if offset == "estimate" else round(float(offset) * SECOND)
+    first, last = truth.start_ns + late, truth.stop_ns + late
+    common = min(last, log.stop_ns) - max(first, log.start_ns)
+    return common > 0.1 * min(last - first, log.stop_ns - log.start_ns)
+
+
+def _estimated(truth: Truth, estimates: Estimates, begin: Alignment) -> Alignment:
+    """The alignment with the smallest robust distance between truth and estimates."""
+    at = estimates.epoch_ns / SECOND
+    zero = at[0]
+    times = truth.time_ns / SECOND - zero
+    middle = 0.0
+    if begin.estimated[0] and not (times[0] <= at[-1] - zero and times[-1] >= 0):
+        middle = float((at[-1] - zero) / 2 - (times[0] + times[-1]) / 2)
+
+    def fitted(offset: float) -> tuple[float, float, Floats]:
+        asked = at - zero - offset
+        inside = (asked >= times[0]) & (asked <= times[-1])
+        if inside.sum() < max(_LEAST, 0.3 * len(at)):
+            return np.inf, 0.0, np.zeros(3)
+        there = np.column_stack([np.interp(asked[inside], times, x) for x in truth.position.T])
+        seen = estimates.position[inside]
+        turn, shift = _rigid(there, seen) if begin.estimated[1] else (0.0, np.zeros(3))
+        off = np.linalg.norm(there @ _turn(turn).T + shift - seen, axis=1)
+        # Half of the estimates decide: outliers do not move it.
+        return float(np.sqrt(np.mean(np.sort(off)[: len(off) // 2 + 1] ** 2))), turn, shift
+
+    offset = begin.offset_s
+    if begin.estimated[0]:
+        reach = min(_WIDEST_S, 0.7 * float(np.ptp(times)))
+        for _ in range(4):
+            grid = middle + np.linspace(-reach, reach, _STEPS)
+            middle = float(grid[int(np.argmin([fitted(o)[0] for o in grid]))])
+            reach *= 4 / _STEPS
+        offset = middle
+    _, turn, shift = fitted(offset)
+    north, east, down = map(float, shift)
+    return replace(begin, offset_s=offset, turn_rad=turn, shift_m=(north, east, down))
+
+
+def _rigid(there: Floats, seen: Floats) -> tuple[float, Floats]:
+    """Turn about the vertical, and shift, of least squares with weights against outliers."""
+    weight = np.ones(len(there))
+    turn, shift = 0.0, np.zeros(3)
+    for _ in range(10):
+        a, b = (np.average(x, axis=0, weights=weight) for x in (there, seen))
+        p, q = (there - a)[:, :2], (seen - b)[:, :2]
+        cross = (weight * (p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0])).sum()
+        dot = (weight * (p * q).sum(axis=1)).sum()
+        turn = float(np.arctan2(cross, dot))
+        shift = b - _turn(turn) @ a
+        off = np.linalg.norm(there @ _turn(turn).T + shift - seen, axis=1)
+        weight = 1 / np.maximum(off, max(float(np.median(off)), 1e-9))
+    return turn, shift

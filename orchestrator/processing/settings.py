@@ -1,0 +1,357 @@
+"""The settings with which receivers run on a log: a scenario, given or made from the log."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from sblcosim.fmus.host.nanoseconds import SECOND, nanoseconds
+from sblcosim.models.declaration import number_of
+from sblcosim.models.ports import BEACONS
+from sblcosim.models.receiver.variables import INITIALISATION
+
+from ..data.estimates import Floats
+from ..data.turns import turned
+from ..errors import ConfigurationError, shortened
+from ..logs.log import Log
+from ..logs.raw import Flaw
+from ..scenario.overrides import Changes
+from ..scenario.scenario import Scenario, load
+from ..words.numbers import meters, rounded
+from . import windows
+from .playing import plane_of
+from .windows import Window
+
+Arrangement = Literal["platform", "fixed", "buoys"]
+Given = str | Path | Mapping[str, Any] | Scenario | None
+"""A scenario with settings."""
+_FIXED_M = 1e-3
+"""A beacon whose reported positions differ by less than this [m] is fixed."""
+_STEPS = (1, 2, 5)
+LEAST_S, MOST_S = 0.001, 10.0
+"""Bounds of the interval between ticks [s]."""
+MOST_TICKS = 2_000_000
+"""Largest number of ticks."""
+_TIMES_STD = 3.0
+"""Standard deviation of the start over that of the window, whose ranges the receivers use again."""
+_LEAST_STD = 0.01
+_SPEED_STD = 1.0
+PRIOR = number_of(INITIALISATION, "prior")
+
+ROUGH = {
+    "outlier_probability": 0.05,
+    "sound_speed_share": 0.05,
+    "mounting_std_m": 0.3,
+    "clock_offset_std_s": 1e-3,
+    "depth_std_m": 0.1,
+}
+"""Assumptions on an unknown device: share of late ranges, standard deviations
+of the speed of sound, of the places of fixed beacons, of the clock, and of the depth."""
+_PLACE_SHARE = 0.01
+"""Of the distance of the beacons, likewise: places close to each other are measured better."""
+_TIMES_OFFSET = 2.0
+"""Errors of places over the offsets of beacons from straight lines, which take up a part."""
+_LATE = 5.0
+"""Mean excess of late ranges over the noise, likewise."""
+
+
+@dataclass(frozen=True, eq=False)
+class Settled:
+    """Everything that is decided before receivers run on a log.
+
+    Attributes
+    ----------
+    log
+        The log without ranges that are far too short.
+    scenario
+        The scenario with the settings.
+    said
+        Where they are from, as a sentence.
+    arrangement
+        What carries the beacons.
+    interval_ns
+        Time between the ticks of the receivers [ns].
+    newest
+        Whether a range replaces an earlier one of the same tick, as in simulations.
+    slots
+        Number of beacons that the receivers are made for.
+    window
+        Where the receivers start; None: as the scenario says.
+    origin
+        What is subtracted from all positions, because numbers near 0 are exact; NED [m].
+    platform
+        Reference point of a platform made up for fixed beacons, minus `origin`, NED [m], or None.
+    """
+
+    log: Log
+    scenario: Scenario
+    said: str
+    arrangement: Arrangement
+    interval_ns: int
+    newest: bool
+    slots: int
+    window: Window | None
+    origin: Floats
+    platform: Floats | None
+
+
+def settled(
+    log: Log, scenario: Given = None, overrides: Changes = (), interval_s: float | None = None,
+) -> Settled:
+    """Decide how receivers run on a log.
+
+    Parameters
+    ----------
+    scenario
+        A scenario with the settings; None: that of the log itself or, without one, values made
+        from the log and `ROUGH`.
+    overrides
+        Keys of the scenario to change.
+    interval_s
+        Time between the ticks of receivers [s]; None: that of the scenario, if it made the log,
+        otherwise from the times between receptions.
+
+    Raises
+    ------
+    ConfigurationError
+        The log has no ranges or no depths, or a scenario does not fit its beacons.
+    """
+    _check(log)
+    arrangement, origin = arrangement_of(log), _origin(log, arrangement_of(log))
+    slots = int(min(max(len(log.beacons), BEACONS.least), BEACONS.most))
+    own = scenario is None and log.scenario is not None
+    simulated = own and log.meta.start_ns is not None
+    straight = None if simulated else _lines(log)
+    if straight is not None and straight.early.any():
+        log = _without_early(log, straight)
+    scatter = (straight.scatter if straight is not None else None) or 1.0
+    step_ns = _interval(log) if interval_s is None else nanoseconds(interval_s)
+    if own or scenario is not None:
+        given = load(log.scenario if own else scenario, overrides)  # type: ignore[arg-type]
+        said = "those of the log's own scenario" if own else f"those of {given.name!r}"
+        if given.beacons != slots:
+            raise ConfigurationError(
+                f"{given.name}: must have as many beacons as the log, {slots}, got {given.beacons}"
+            )
+        if simulated and interval_s is None:
+            step_ns = nanoseconds(given.receiver.update_interval_s)
+    else:
+        std = max(scatter, _LEAST_STD)
+        offset = straight.offset if straight is not None else 0.0
+        made = rough(log, arrangement, slots, std, step_ns, origin, _TIMES_OFFSET * offset)
+        given = load(made, overrides)
+        said = (
+            f"usual values; range noise {meters(scatter)}, from straight lines through short "
+            "windows of the log"
+        )
+    _check_ticks(log, step_ns)
+    made_up = arrangement == "fixed" and not simulated and len(log.beacons) <= slots
+    return Settled(
+        log, given, f"settings: {said}", arrangement, step_ns, simulated, slots,
+        None if straight is None else straight.first, origin,
+        _made_up(log, origin) if made_up else None,
+    )
+
+
+def _check_ticks(log: Log, step_ns: int) -> None:
+    span = log.stop_ns - log.start_ns
+    if span // step_ns > MOST_TICKS:
+        raise ConfigurationError(
+            f"interval: must make at most {MOST_TICKS:,} ticks of the log's "
+            f"{rounded(span / SECOND)} s, got {rounded(step_ns / SECOND)} s"
+        )
+
+
+def _lines(log: Log) -> windows.Lines:
+    """Straight lines through windows of a log; times count from its start."""
+    heard = log.receptions
+    order = np.lexsort((heard.beacon, heard.epoch_ns))
+    depth = plane_of(log) if log.meta.dimension == 2 else None
+    return windows.lines(log.samples(), heard.beacon_position[order], depth)
+
+
+def _without_early(log: Log, straight: windows.Lines) -> Log:
+    """A log without the ranges that are far too short; they are among its findings."""
+    heard = log.receptions
+    early = np.zeros(len(heard), bool)
+    early[np.lexsort((heard.beacon, heard.epoch_ns))] = straight.early
+    off = -straight.residual[straight.early]
+    what = (
+        f"a range too short by {meters(float(off.min()))} to {meters(float(off.max()))}, against "
+        "at least three other beacons"
+    )
+    findings = [
+        Flaw("receptions", int(line), what, of=log.beacons[beacon], table="receptions")
+        for line, beacon in zip(heard.line[early], heard.beacon[early], strict=True)
+    ]
+    return replace(log, receptions=heard.chosen(~early), findings=(*log.findings, *findings))
+
+
+def _check(log: Log) -> None:
+    """Refuse a log that no receiver can use."""
+    if not len(log.receptions):
+        raise ConfigurationError(
+            f"{shortened(log.called)}: must have ranges to be processed, got none"
+            + ("; it has fixes only" if log.fixes else "")
+        )
+    if not len(log.depth) and log.meta.dimension == 3:
+        raise ConfigurationError(
+            f"{shortened(log.called)}: must have readings of depth, or dimension = 2 in meta.toml "
+            "for a log in a plane, got neither"
+        )
+    heard = len(set(log.receptions.beacon.tolist()))
+    if heard < BEACONS.least:
+        raise ConfigurationError(
+            f"{shortened(log.called)}: must have ranges of at least {BEACONS.least} beacons, got "
+            f"{heard}"
+        )
+
+
+def arrangement_of(log: Log) -> Arrangement:
+    """What carries the beacons of a log."""
+    heard = log.receptions
+    if heard.has_pose.any() or log.meta.arms_m:
+        return "platform"
+    for one in range(len(log.beacons)):
+        own = heard.beacon_position[heard.beacon == one]
+        if len(own) and np.ptp(own, axis=0).max() > _FIXED_M:
+            return "buoys"
+    return "fixed"
+
+
+def _origin(log: Log, arrangement: Arrangement) -> Floats:
+    """What is subtracted from all positions: whole kilometres, if they are far from 0."""
+    middle = np.median(log.receptions.beacon_position, axis=0)
+    middle[2] = 0.0
+    far = np.abs(middle).max() > 2_000.0
+    whole: Floats = np.round(middle, -3) if far else np.zeros(3)
+    return whole
+
+
+def _interval(log: Log) -> int:
+    """Time between ticks that gives most receptions a tick of their own [ns]: 1, 2 or 5 · 10ⁿ."""
+    spacing = np.diff(np.unique(log.receptions.arrival_ns)) / SECOND
+    usual = float(np.percentile(spacing, 25)) if len(spacing) else 1.0
+    usual = min(max(usual, LEAST_S), MOST_S)
+    power = 10.0 ** np.floor(np.log10(usual) + 1e-9)
+    step = max(s for s in _STEPS if s * power <= usual * (1 + 1e-9))
+    return nanoseconds(round(float(step * power), 9))
+
+
+def places_of(log: Log) -> Floats:
+    """Position of each beacon, the first that is reported, NED [m]; (beacons, 3)."""
+    heard = log.receptions
+    rows = np.zeros((len(log.beacons), 3))
+    for one in range(len(log.beacons)):
+        own = heard.beacon_position[heard.beacon == one]
+        rows[one] = own[0] if len(own) else log.meta.beacons.get(log.beacons[one], (0.0,) * 3)
+    return rows
+
+
+def arms_of(log: Log) -> Floats | None:
+    """Nominal position of each beacon on its platform, body frame [m]; (beacons, 3).
+
+    As ``meta.toml`` says, else the median of the reported places relative to the reported pose.
+    None if neither is known of a beacon.
+    """
+    heard, rows = log.receptions, []
+    for one, name in enumerate(log.beacons):
+        if name in log.meta.arms_m:
+            rows.append(np.array(log.meta.arms_m[name]))
+            continue
+        own = heard.chosen(heard.has_pose & (heard.beacon == one))
+        if not len(own):
+            return None
+        off = own.beacon_position - own.platform_position
+        rows.append(np.median(turned(own.platform_attitude, off, inverse=True), axis=0))
+    return np.round(rows, 4)
+
+
+def _made_up(log: Log, origin: Floats) -> Floats:
+    """Reference point of a platform that carries fixed beacons; never 0, which means no pose."""
+    middle = np.round(places_of(log).mean(axis=0) - origin)
+    return middle if middle.any() else np.array([1.0, 0.0, 0.0])
+
+
+def rough(
+    log: Log, arrangement: Arrangement, slots: int, std: float, step_ns: int, origin: Floats,
+    place_std: float = 0.0,
+) -> dict[str, Any]:
+    """The tables of the scenario of an unknown device.
+
+    Parameters
+    ----------
+    std
+        Standard deviation of a range [m].
+    place_std
+        Standard deviation of the places of fixed beacons [m], unless usual values are larger.
+    """
+    c = log.meta.sound_speed_m_s
+    step_s = step_ns / SECOND
+    platform: dict[str, Any] = {"beacons": slots}
+    if arrangement == "platform":
+        arms = arms_of(log)
+        if arms is not None and len(arms) == slots:
+            platform["beacon_m"] = arms.tolist()
+        platform |= {"beaufort": 2, "gps_grade": "sbas", "imu_grade": "consumer"}
+    else:
+        places = places_of(log)[:slots] - origin
+        more = [places[-1] + [0.0, 0.0, -1.0 - i] for i in range(slots - len(places))]
+        platform["beacon_m"] = _apart(np.vstack([places, *more])).tolist()
+        if arrangement == "fixed":
+            apart = float(np.ptp(places[:, :2], axis=0).max())
+            place_std = max(place_std, _PLACE_SHARE * apart)
+            platform["mounting_std_m"] = min(ROUGH["mounting_std_m"], place_std)
+        else:
+            platform |= {"gps_shared": False, "gps_grade": "sbas"}
+    types = {"platform": "coupled", "fixed": "long_baseline", "buoys": "long_baseline"}
+    type_ = types[arrangement] if len(log.beacons) <= slots else "sequential"
+    receiver: dict[str, Any] = {"type": type_}
+    if type_ != "sequential":
+        receiver["acceleration_psd_m2_s3"] = "learned"
+    return {
+        "name": log.name or "log",
+        "title": log.meta.title or log.name,
+        "seed": 1,
+        "time": {"sampling_time_s": step_s, "duration_s": max(10 * step_s, 1.0)},
+        "target": {"depth_std_m": ROUGH["depth_std_m"]},
+        "platform": platform,
+        "acoustics": {
+            "range_std_m": std,
+            "outlier_probability": ROUGH["outlier_probability"],
+            "outlier_mean_m": _LATE * std,
+            "sound_speed_m_s": c * (1 + ROUGH["sound_speed_share"]),
+            "assumed_sound_speed_m_s": c,
+            "clock_offset_std_s": ROUGH["clock_offset_std_s"],
+        },
+        "receiver": receiver,
+    }
+
+
+def _apart(places: Floats) -> Floats:
+    """Places that differ: in a plane, beacons on one pole are at the same. A millimetre of height
+    changes no range."""
+    each = places.copy()
+    for i in range(1, len(each)):
+        while (np.abs(each[:i] - each[i]).max(axis=1) < 1e-6).any():
+            each[i, 2] += 1e-3
+    return each
+
+
+def start_values(settled: Settled, std: float) -> dict[str, Any]:
+    """Parameters with which a receiver starts at the window."""
+    window = settled.window
+    if window is None:
+        return {}
+    spread = max(_TIMES_STD * float(window.std.max()), std)
+    place = window.position - settled.origin
+    return {
+        "initialisation": PRIOR,
+        "prior_position": tuple(map(float, place)),
+        "prior_velocity": tuple(map(float, window.velocity)),
+        "prior_position_std": spread,
+        "prior_velocity_std": _SPEED_STD,
+    }
