@@ -227,7 +227,12 @@ def main() -> None:
     user_code.allow(loaded)
     send(answers, TaskEnded())
     while True:
-        task, answer = _done(todo.get(), telling, shared)
+        try:
+            task, answer = _done(todo.get(), telling, shared)
+        except BaseException:
+            if user_code.begun():  # and has replaced what our own code needs
+                os._exit(1)
+            raise
         if os.getpid() != own:  # the user's code has forked, and this is the copy
             os._exit(0)
         answer = replace(answer, warned=tuple(warned[:_MOST_WARNINGS]))

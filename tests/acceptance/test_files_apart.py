@@ -378,6 +378,19 @@ def test_what_a_file_changes_reaches_nobody_else(
         one_line(message)
 
 
+@pytest.mark.parametrize("deed", later(RUIN))
+def test_what_a_file_takes_away_on_import_leaves_no_traceback(
+    deed: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    file = written(tmp_path, "import", RUIN[deed])
+    try:
+        sblcosim.run(SCENARIO, {"ekf": "ekf", "bad": str(file)}, SHORT)
+    except SblcosimError as error:
+        one_line(str(error))
+    said = capfd.readouterr()
+    assert "Traceback" not in said.out + said.err
+
+
 CHANGES = {
     "zeros": ("np.zeros = lambda *_, **__: None", "np.zeros(3) is None"),
     "hypot": ("np.hypot = lambda *_: 5.0", "np.hypot(3.0, 5.0) == 5.0"),

@@ -40,6 +40,7 @@ CONSTRUCTOR = "its constructor"
 """Name for the construction of an object in failure messages."""
 
 _allowed: Callable[[], None] | None = None
+_begun = False
 
 
 def allow(loaded: Callable[[], None]) -> None:
@@ -57,6 +58,11 @@ def allow(loaded: Callable[[], None]) -> None:
 def is_allowed() -> bool:
     """Whether files of the user may be run in this process."""
     return _allowed is not None
+
+
+def begun() -> bool:
+    """Whether a file of the user has begun here, which may have replaced anything."""
+    return _begun
 
 
 def foreseen() -> tuple[type[BaseException], ...]:
@@ -259,14 +265,18 @@ def run_file(path: Path, content: bytes, where: str) -> Loaded:
 
 
 def _module(path: Path, source: bytes) -> ModuleType:
+    global _begun
     # With a name that no import has, its content is sent to other processes by value.
-    module = ModuleType(path.name)
+    name = path.name
+    code = compile(source, path, "exec")
+    module = ModuleType(name)
     module.__file__ = str(path)
-    sys.modules[path.name] = module  # during the run, because dataclasses look there
+    sys.modules[name] = module  # during the run, because dataclasses look there
+    _begun = True
     try:
-        exec(compile(source, path, "exec"), vars(module))
+        exec(code, vars(module))
     finally:
-        sys.modules.pop(path.name, None)
+        sys.modules.pop(name, None)
     if _allowed is not None:
         _allowed()
     return module
@@ -274,6 +284,8 @@ def _module(path: Path, source: bytes) -> ModuleType:
 
 @lru_cache(64)
 def _by_value(packed: bytes, path: Path, files: Files) -> Any:
+    global _begun
+    _begun = True
     thing = cloudpickle.loads(packed)
     here = ((name, origins.found(name), sha) for name, _, sha in files)
     refuse(path, changed((n, found[0], sha) for n, found, sha in here if found and found[0]))
