@@ -20,6 +20,7 @@ from pathlib import Path
 
 from tree import ROOT, copy
 
+DEFAULT = ("-n", "auto", "--dist", "loadfile")
 RESOLUTIONS = {"lowest": "lowest-direct", "newest": "highest"}
 
 
@@ -80,7 +81,7 @@ def examine(bounds: str, interpreter: str, arguments: Sequence[str]) -> bool:
         tree, python = environment(Path(name), RESOLUTIONS[bounds], interpreter)
         print(f"{bounds}: {versions(python, declared())}", flush=True)
         done = subprocess.run(
-            [str(python), "-m", "pytest", "-q", *(arguments or ("-n", "auto"))],
+            [str(python), "-m", "pytest", "-q", *(arguments or DEFAULT)],
             cwd=tree, check=False,
             env=os.environ | {"MPLBACKEND": "Agg", "SBLCOSIM_CACHE": str(Path(name, "cache"))},
         )  # fmt: skip
@@ -92,7 +93,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--bounds", choices=RESOLUTIONS, help="default: both")
     parser.add_argument("--python", default=sys.executable, help="interpreter; default: this one")
-    parser.add_argument("arguments", nargs="*", help="for pytest, after --; default: -n auto")
+    parser.add_argument(
+        "arguments", nargs="*", help=f"for pytest, after --; default: {' '.join(DEFAULT)}"
+    )
     given = parser.parse_args()
     results = {
         bounds: examine(bounds, given.python, given.arguments)
