@@ -63,7 +63,10 @@ def test_the_large_factor_is_found_and_written(results: Path) -> None:
 @pytest.mark.parametrize(
     ("option", "said"),
     [((), "the scatter between replicates (pure error)"),
-     (("--error", "residual"), "the scatter about the model (residual, with its lack of fit)")],
+     pytest.param(
+         ("--error", "residual"), "the scatter about the model (residual, with its lack of fit)",
+         marks=pytest.mark.slow,
+     )],
 )
 def test_it_says_where_the_error_of_the_effects_is_from(
     results: Path, tmp_path: Path, option: tuple[str, ...], said: str

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import sblcosim
+from quick import few
 from sblcosim import limits
 from sblcosim.errors import BuildError, ConfigurationError, ConfigurationWarning
 from sblcosim.export.container import export_fmu
@@ -90,9 +91,8 @@ def test_a_cross_has_as_many_arms_as_beacons() -> None:
 
 @pytest.mark.parametrize(
     "name",
-    ["platform", "acoustics", "sequential",
-     *(pytest.param(n, marks=pytest.mark.slow) for n in ("coupled", "long_baseline", "ekf",
-                                                         "multilateration", "fixed_lag"))],
+    few(["platform", "acoustics", "sequential", "coupled", "long_baseline", "ekf",
+         "multilateration", "fixed_lag"], quick=["acoustics", "sequential"]),
 )
 def test_fmus_for_six_keep_all_promises(name: str) -> None:
     """The kit has the time contract, and saving and restoring, among its checks."""

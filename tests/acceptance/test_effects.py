@@ -143,7 +143,9 @@ NO_ATTITUDE = {("acoustics", "packet_angle_resolution_deg")}
 """Where buoys have no attitude there is nothing to round; the Acoustics cannot know."""
 
 
-MUCH_ALIKE = ("harbour-square", "harbour-spiral", "paper-scenario-2", "paper-scenario-3")
+MUCH_ALIKE = (
+    "harbour-square", "harbour-spiral", "paper-scenario-2", "paper-scenario-3", "realistic-dive",
+)
 
 
 @pytest.mark.parametrize("name", [

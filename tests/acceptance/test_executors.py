@@ -21,6 +21,7 @@ import pandas as pd
 import pytest
 import tasks
 from distributed import LocalCluster
+from quick import few
 from sblcosim.errors import ConfigurationError
 from sblcosim.fmus import stopping
 from sblcosim.simulation.how import How
@@ -62,7 +63,7 @@ def cluster() -> Iterator[LocalCluster]:
         yield made
 
 
-@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow), 4])
+@pytest.mark.parametrize("workers", few([1, 2, 4], quick=[1, 4]))
 @pytest.mark.parametrize("executor", ["threads", "processes"])
 def test_threads_and_processes_give_the_same_table(
     tmp_path: Path, reference: bytes, executor: str, workers: int
@@ -71,7 +72,7 @@ def test_threads_and_processes_give_the_same_table(
     assert (tmp_path / "out" / "runs.parquet").read_bytes() == reference
 
 
-@pytest.mark.parametrize("master", ["native", "python"])
+@pytest.mark.parametrize("master", few(["native", "python"], quick=["native"]))
 def test_the_other_masters_give_the_same_table_in_processes(
     tmp_path: Path, reference: bytes, master: str
 ) -> None:
@@ -86,7 +87,7 @@ def test_any_executor_of_the_standard_library_will_do(tmp_path: Path, reference:
     assert (tmp_path / "out" / "runs.parquet").read_bytes() == reference
 
 
-@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow), 4])
+@pytest.mark.parametrize("workers", few([1, 2, 4], quick=[1]))
 def test_a_dask_cluster_gives_the_same_table(
     tmp_path: Path, reference: bytes, workers: int
 ) -> None:
@@ -198,7 +199,7 @@ def test_of_processes_that_were_stopped_no_thread_is_left() -> None:
 
 
 @pytest.mark.skipif(os.name == "nt", reason="there is no SIGSTOP")
-@pytest.mark.parametrize("what", ["SIGSTOP", "SIGKILL", "writes on"])
+@pytest.mark.parametrize("what", few(["SIGSTOP", "SIGKILL", "writes on"], quick=["SIGKILL"]))
 def test_of_processes_that_cannot_tidy_up_no_file_is_left(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, what: str
 ) -> None:
@@ -323,7 +324,7 @@ def test_ctrl_c_ends_processes_quietly(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(not Path("/proc/self/cmdline").exists(), reason="looks for processes in /proc")
 @pytest.mark.parametrize("moment", [
-    0.0, pytest.param(0.02, marks=pytest.mark.slow), 0.1, pytest.param(0.3, marks=pytest.mark.slow),
+    0.0, *(pytest.param(late, marks=pytest.mark.slow) for late in (0.02, 0.1, 0.3)),
 ])
 def test_ctrl_c_while_processes_start_is_quiet(tmp_path: Path, moment: float) -> None:
     def of_a_worker(folder: Path) -> bool:
@@ -356,6 +357,7 @@ def test_ctrl_c_is_deferred_and_not_lost() -> None:
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
+@pytest.mark.slow
 def test_the_table_of_a_part_is_that_of_its_pieces(tmp_path: Path) -> None:
     study.load(MADE).run(tmp_path / "one", workers=1)
     study.load(MADE).run(tmp_path / "two", executor="processes", workers=2)
@@ -423,6 +425,7 @@ def test_an_fmu_that_was_received_and_damaged_is_taken_from_the_parcel(
             path.write_bytes(damage)
 
 
+@pytest.mark.slow
 def test_processes_that_draw_end_with_the_one_that_started_them(tmp_path: Path) -> None:
     script = (
         "import os, signal, multiprocessing\n"

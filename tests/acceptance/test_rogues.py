@@ -100,7 +100,7 @@ ALL = [
 ]
 CUT = [
     *(("exit", phase, "native") for phase in rogues.PHASES),
-    *(("segv", phase, "python") for phase in rogues.PHASES[1::2]),
+    *(("segv", phase, "python") for phase in rogues.PHASES[1::4]),
     *((what, "step", "native") for what in rogues.DEADLY if what != "exit"),
     ("hang", "load", "native"), ("hang", "get", "python"), ("hang", "free", "native"),
 ]  # fmt: skip

@@ -97,7 +97,9 @@ def test_a_campaign_that_is_killed_goes_on_and_ends_with_the_same_table(
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals")
-@pytest.mark.parametrize(("number", "expected"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize(("number", "expected"), [
+    (signal.SIGINT, 130), pytest.param(signal.SIGTERM, 143, marks=pytest.mark.slow),
+])  # fmt: skip
 def test_ctrl_c_says_how_to_resume(
     tmp_path: Path, whole: Path, number: signal.Signals, expected: int
 ) -> None:

@@ -63,11 +63,17 @@ def others(report: Report) -> set[str]:
     return of(report, "does not apply", "not run")
 
 
+OFTEN = {
+    ("target", 3), ("platform", 2), ("acoustics", 3), ("ekf", 2), ("coupled", 3), ("sequential", 3),
+    ("long_baseline", 3),
+}  # fmt: skip
+"""What every run of the tests examines."""
+
+
 @pytest.mark.parametrize(
     ("name", "fmi"),
-    [(name, 3) for name in COMPONENTS]
-    + [pytest.param(name, 2, marks=[] if name in ("platform", "ekf") else pytest.mark.slow)
-       for name in COMPONENTS],
+    [pytest.param(name, fmi, marks=[] if (name, fmi) in OFTEN else pytest.mark.slow)
+     for name in COMPONENTS for fmi in (2, 3)],
 )  # fmt: skip
 def test_own_fmus_keep_every_promise(name: str, fmi: int) -> None:
     report = examine(factory.build(name, fmi))  # type: ignore[arg-type]
@@ -174,7 +180,10 @@ def test_every_planted_defect_has_a_finding() -> None:
 @pytest.mark.parametrize(
     ("defect", "fmi"),
     [
-        (d, fmi)
+        pytest.param(
+            d, fmi,
+            marks=[] if fmi == 2 + i % 2 or len(LAWFUL.get(d, ())) == 1 else pytest.mark.slow,
+        )
         for i, d in enumerate(FOUND)
         for fmi in (2, 3)
         if d in ASKED or len(LAWFUL.get(d, ())) == 1 or fmi == 2 + i % 2

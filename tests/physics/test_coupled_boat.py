@@ -103,6 +103,7 @@ def test_its_accuracy_does_not_suffer() -> None:
     assert nees > 8.0
 
 
+@pytest.mark.slow
 def test_six_beacons_one_after_the_other() -> None:
     beacons = [[9.2, 2.1, 1.4], [9.1, -2.2, 1.4], [0.3, 3.0, 1.9], [0.3, -3.1, 4.5],
                [-8.7, 2.4, 5.0], [-8.8, -2.3, 1.5]]

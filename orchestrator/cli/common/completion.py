@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from functools import cache
 from textwrap import shorten
 from typing import Any
 
@@ -79,11 +80,9 @@ def components(incomplete: str) -> Offers:
 
 def keys(incomplete: str) -> Offers:
     """Offer ``KEY=`` and, for a single key, its choices or its default."""
-    from ...scenario.file_schema import scenario_schema
-
     offers: Offers = []
     last: dict[str, Any] = {}
-    for key, schema in _keys(scenario_schema()["properties"]):
+    for key, schema in _every_key():
         start = f"{key}="
         if start.startswith(incomplete) or incomplete.startswith(start):
             offers.append((start, schema.get("description", "")))
@@ -92,6 +91,13 @@ def keys(incomplete: str) -> Offers:
         start, explained = offers[0]
         offers += [(f"{start}{value}", explained) for value in _values(last)]
     return starting(offers, incomplete)
+
+
+@cache
+def _every_key() -> tuple[tuple[str, dict[str, Any]], ...]:
+    from ...scenario.file_schema import scenario_schema
+
+    return tuple(_keys(scenario_schema()["properties"]))
 
 
 def _keys(properties: dict[str, Any], above: str = "") -> Iterator[tuple[str, dict[str, Any]]]:

@@ -9,6 +9,7 @@ from math import floor, inf, isnan, nan, sqrt
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from quick import few
 from sblcosim.comparison.common.statistics import (
     CONTAMINATION,
     Difference,
@@ -111,7 +112,7 @@ def family_rate(shape: Shape, runs: int, pairs: int, times: int) -> float:
     return count / times
 
 
-@pytest.mark.parametrize("name", SHAPES)
+@pytest.mark.parametrize("name", few(SHAPES, quick=[*SHAPES][::3]))
 def test_what_is_said_is_wrong_in_one_comparison_of_twenty_at_most(name: str) -> None:
     """Of all that is said of one pair together; three standard errors are for the simulation."""
     times = 200

@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from model_dive import dive, parameters, without
+from quick import few
 from sblcosim.data.samples import Samples, pose_of
 from sblcosim.data.truth import Truth
 from sblcosim.estimation import late, linear, model, outcome, smoother
@@ -199,7 +200,7 @@ def brute_force(
     return at, covariance
 
 
-@pytest.mark.parametrize("seed", range(30))
+@pytest.mark.parametrize("seed", few(range(30), quick=range(10)))
 def test_the_track_is_the_maximum_of_the_posterior(
     seed: int, seam: Seam
 ) -> None:
