@@ -41,9 +41,9 @@ def sketch(target: Any) -> list[Weighted]:
         return [*_legs(rows, [sqrt(sum((b - a) ** 2 for a, b in zip(one, two, strict=True)))
                               for one, two in pairwise(rows)])]
     if trajectory == "file":
-        step = -(-target.track_count // _MOST)
-        rows = _rows(target.track_m, target.track_count)[::step]
-        times = target.track_time_s[: target.track_count : step]
+        rows = _rows(target.track_m, min(target.track_count, len(target.track_time_s)))
+        step = -(-len(rows) // _MOST) or 1
+        rows, times = rows[::step], target.track_time_s[: len(rows) : step]
         return [*_legs(rows, [b - a for a, b in pairwise(times)])]
     if trajectory == "white_noise_acceleration":
         return [(1.0, *target.initial_position_m)]
@@ -60,7 +60,9 @@ def sketch(target: Any) -> list[Weighted]:
 
 
 def _rows(flat: Any, count: int) -> list[tuple[Any, Any, Any]]:
-    return [(flat[i], flat[i + 1], flat[i + 2]) for i in range(0, 3 * count, 3)]
+    # Whether there are as many is checked later.
+    last = min(3 * count, len(flat) - 2)
+    return [(flat[i], flat[i + 1], flat[i + 2]) for i in range(0, last, 3)]
 
 
 def _legs(rows: Any, weights: Any) -> Iterator[Weighted]:

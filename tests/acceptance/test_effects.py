@@ -28,7 +28,7 @@ Record = Mapping[str, np.ndarray]
 
 
 VALID: Mapping[str, list[Any]] = {
-    "water_depth": [40.0], "loss_burst_length": [4.0], "profile_count": [],
+    "water_depth": [40.0], "loss_burst_length": [5.0], "profile_count": [],
 }
 """Other values where most numbers within the bounds contradict other keys."""
 
@@ -131,6 +131,8 @@ WATCH = ("receiver", "watch")
 SHORT = {"time.duration_s": 12.0}
 MORE = {
     "realistic-dive": {"time.duration_s": 60.0},
+    "realistic-sea": {"time.duration_s": 60.0, "acoustics.outlier_probability": 0.3},
+    "harbour-wakes": {"time.duration_s": 40.0},
     "harbour-lbl": {"time.duration_s": 90.0, "platform.mean_heading_deg": 7.0},
     "gps-buoys": {"time.duration_s": 90.0},
 }
