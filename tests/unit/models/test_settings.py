@@ -36,6 +36,7 @@ from sblcosim.models.settings import (
     times,
 )
 from sblcosim.scenario.scenario import load, shipped
+from tests.quick import few
 
 TABLES = ("target", "platform", "acoustics", "receiver")
 REAL = {f"{name}.{v.key}": v for name in TABLES[:3]
@@ -262,7 +263,8 @@ class Both:
 
 ROUNDED = {"keys.in_file_units": 1e-11, "times.update_interval": 1e-9}
 """Relative errors of numbers that are rounded: to twelve digits, and to whole nanoseconds."""
-SCENARIOS = [*shipped(), *range(4)]
+QUICK = ("gps-buoys", "harbour-lbl", "harbour-random", "paper-scenario-1", "realistic-sea")
+SCENARIOS = few([*shipped(), *range(4)], quick=(*QUICK, *range(4)))
 
 
 def scenario_of(which: str | int) -> Tables:
