@@ -15,6 +15,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
+from quick import few
 from sblcosim.fmus.host.nanoseconds import SECOND, nanoseconds
 from sblcosim.models import COMPONENTS, RECEIVERS, settings
 from sblcosim.models.acoustics.contents import CONTENTS
@@ -36,7 +37,6 @@ from sblcosim.models.settings import (
     times,
 )
 from sblcosim.scenario.scenario import load, shipped
-from tests.quick import few
 
 TABLES = ("target", "platform", "acoustics", "receiver")
 REAL = {f"{name}.{v.key}": v for name in TABLES[:3]
