@@ -132,7 +132,8 @@ def test_echoes_grow_with_the_lost_direct_path() -> None:
 def test_receivers_assume_the_mean_excess_of_late_ranges(more: dict[str, Any]) -> None:
     """That of outliers and echoes together; a range is late by the mean of both legs."""
     keys = {**dict(ECHOES), **more}
-    found, assumed = recorded(*keys.items()), load("harbour-square", {**STILL, **keys}).assumptions()
+    found = recorded(*keys.items())
+    assumed = load("harbour-square", {**STILL, **keys}).assumptions()
     late = found["arrived"] & (found["excess"] > 1e-3)
     mean = np.array([run[which].mean() for run, which in zip(found["excess"], late, strict=True)])
     mean_within(mean, assumed["outlier_mean_m"])

@@ -248,7 +248,8 @@ PATHS: dict[str, dict[str, Any]] = {
     "waypoints": {"waypoint_m": [[0, 3, 1], [0, 40, 8], [0, 40, 2], [3, 39, 2], [-9, 30, 9]]},
     "file": {"track_time_s": [0, 60, 70, 200], "track_m": [[0, 3, 1], [0, 40, 8], [9, 9, 8],
                                                            [30, 30, 2]]},
-    "white_noise_acceleration": {"initial_position_m": [30.0, 5.0, 6.0], "acceleration_psd_m2_s3": 0.0},
+    "white_noise_acceleration": {"initial_position_m": [30.0, 5.0, 6.0],
+                                 "acceleration_psd_m2_s3": 0.0},
 }
 
 

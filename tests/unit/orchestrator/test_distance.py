@@ -60,8 +60,8 @@ SHALLOW = {"harbour-wakes": (1.5, 3.0)}
 def curve(name: str, seed: int = 1) -> DistanceCurve:
     speed = None if "speed_m_s" in sblcosim.load(name).target.model_fields_set else 0.3
     return sblcosim.map_distance(
-        name, 40, SHALLOW.get(name, (4.0, 12.0)), cells=3, runs=100, overrides={"seed": seed}, speed_m_s=speed,
-        duration_s=30.0, settling_s=20.0,
+        name, 40, SHALLOW.get(name, (4.0, 12.0)), cells=3, runs=100, overrides={"seed": seed},
+        speed_m_s=speed, duration_s=30.0, settling_s=20.0,
     )  # fmt: skip
 
 
