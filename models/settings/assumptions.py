@@ -15,6 +15,7 @@ from ..acoustics.schedules import SCHEDULES
 from ..receiver.variables import SLOWEST_TILT
 from ..symbols import absolute
 from .beacons import beacons_of
+from .echoes import late, mean_excess, share
 from .either import both, clipped, degrees, greatest, hypot, ratio, sqrt, symbolic, where
 from .keys import OF_RECEIVERS, start_of, within
 from .motion import is_sine, of_mooring, of_sines, of_waves
@@ -99,7 +100,13 @@ SOURCES: Mapping[str, Sequence[str]] = {
         "acoustics.surface_echo_probability", "acoustics.bottom_echo_probability",
         "acoustics.water_depth_m", "acoustics.ranging",
     ),
-    "outlier_mean_m": ("acoustics.outlier_mean_m", "acoustics.outlier_probability"),
+    "outlier_mean_m": (
+        "acoustics.outlier_mean_m", "acoustics.outlier_probability", "acoustics.loss_probability",
+        "acoustics.surface_echo_probability", "acoustics.bottom_echo_probability",
+        "acoustics.water_depth_m", "acoustics.ranging", "platform.beacon_m",
+        "platform.arm_length_m", "platform.beacon_depth_m", "platform.beacon_scale",
+        "platform.mean_position_m", "platform.mean_heading_deg", "target.trajectory",
+    ),
     "assumed_sound_speed_m_s": ("acoustics.assumed_sound_speed_m_s",),
     "clock_std_m": (
         "acoustics.clock_offset_s", "acoustics.clock_offset_std_s", "acoustics.clock_drift_s_s",
@@ -135,13 +142,15 @@ SOURCES: Mapping[str, Sequence[str]] = {
 """Keys of ``[receiver]``, and the keys that determine each of them.
 
 The first of these keys' tables decides whether the value is known for a component of others.
+``target.trajectory`` stands for all keys of the path.
 """
 PARAMETERS = frozenset(OF_RECEIVERS[key].name for key in SOURCES)
 """Names of the parameters of these keys."""
 
 
 def assumed(
-    target: Any, platform: Any, acoustics: Any, source: str | None = None
+    target: Any, platform: Any, acoustics: Any, source: str | None = None, *,
+    place_known: bool = True,
 ) -> dict[str, Any]:
     """Keys of ``[receiver]`` and their values, in the units of a scenario file.
 
@@ -154,9 +163,14 @@ def assumed(
         Tables of the scenario, complete.
     source
         The receiver's ``pose_source``, if the scenario sets it.
+    place_known
+        Whether the tables say where diver and beacons are. If not, nothing is known about echoes
+        except how many there are.
     """
     speed = acoustics.assumed_sound_speed_m_s
-    outliers = both(acoustics.outlier_probability > 0, acoustics.outlier_mean_m > 0)
+    some = both(acoustics.outlier_probability > 0, acoustics.outlier_mean_m > 0)
+    outliers = where(some, acoustics.outlier_probability, 0.0)
+    echoes = share(acoustics) if place_known else 0.0
     n, e, _ = platform.gps_antenna_offset_m
     place, turn, tilt = rounding(
         platform, acoustics, source or pose_source(acoustics.packet_content)
@@ -181,10 +195,12 @@ def assumed(
             platform.imu_tilt_turn_on_std_deg, platform.imu_tilt_markov_std_deg,
         ),
         "outlier_probability": greatest(
-            _late(where(outliers, acoustics.outlier_probability, 0.0), acoustics),
-            _LEAST_OUTLIER_PROBABILITY,
+            late(outliers, acoustics), _LEAST_OUTLIER_PROBABILITY
         ),
-        **_known("outlier_mean_m", outliers, acoustics.outlier_mean_m),
+        **_known(
+            "outlier_mean_m", outliers + echoes > 0,
+            mean_excess(outliers, target if place_known else None, platform, acoustics),
+        ),
         "assumed_sound_speed_m_s": speed,
         **clock(acoustics),
         "sound_speed_std": absolute(speed / acoustics.sound_speed_m_s - 1),
@@ -259,19 +275,6 @@ def rounding(platform: Any, acoustics: Any, source: str) -> tuple[Any, Any, Any]
     least = greatest(xx * yy - xy * xy, 1e-12)
     forward, starboard = (degrees(step * sqrt(v / least)) for v in (yy, xx))
     return step / math.sqrt(n), forward, hypot(forward, starboard) / _ROOT_2
-
-
-def _late(outliers: Any, acoustics: Any) -> Any:
-    """Share of ranges that are late: outliers, and echoes where the direct path is lost."""
-    loss, bottom = acoustics.loss_probability, acoustics.bottom_echo_probability
-    none = (1 - acoustics.surface_echo_probability) * (
-        1 - where(acoustics.water_depth_m > 0, bottom, 0.0)
-    )
-    echoes = loss * (1 - none)
-    received = 1 - loss * none
-    share = where(received > 0, echoes, 0.0) / where(received > 0, received, 1.0)
-    direct = (1 - share) ** legs(acoustics.ranging)
-    return where(echoes > 0, 1 - (1 - outliers) * direct, outliers)
 
 
 def _with(rounded: Any, *stds: Any) -> Any:

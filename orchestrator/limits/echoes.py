@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from sblcosim.models.acoustics.ranging import legs
+from sblcosim.models.settings import echoes as known
 from sblcosim.models.settings.assumptions import range_noise
 
 Floats = NDArray[np.float64]
@@ -30,8 +31,8 @@ def echo_chances(acoustics: Any) -> tuple[float, float]:
     """Probabilities that the echo from surface and bottom arrives where the direct path is lost."""
     if not acoustics.loss_probability:
         return 0.0, 0.0
-    bottom = acoustics.bottom_echo_probability if acoustics.water_depth_m else 0.0
-    return acoustics.surface_echo_probability, bottom
+    found: tuple[float, float] = known.chances(acoustics)
+    return found
 
 
 def lost(acoustics: Any) -> float:
@@ -60,12 +61,11 @@ def excesses(acoustics: Any, position: Floats, beacons: Floats) -> Floats:
     """
     o = position - beacons
     square = o[..., 0] ** 2 + o[..., 1] ** 2
-    direct = np.sqrt(square + o[..., 2] ** 2)
-    z = position[..., 2] + beacons[..., 2]
-    found: Floats = np.stack(
-        [np.sqrt(square + down**2) - direct for down in (z, 2 * acoustics.water_depth_m - z)], -1
+    both = known.excesses(
+        np.sqrt, square, position[..., 2], beacons[..., 2], acoustics.water_depth_m
     )
-    return np.fmax(found, 0.0)
+    found: Floats = np.fmax(np.stack(both, -1), 0.0)
+    return found
 
 
 def shares(acoustics: Any, position: Floats, beacons: Floats) -> Floats:
@@ -123,5 +123,5 @@ def shares_along(acoustics: Any, position: Floats, beacons: Floats) -> Floats:
     """
     n = len(position)
     some = np.unique(np.linspace(0, n - 1, min(n, _MOST_EPOCHS)).round().astype(int))
-    known = shares(acoustics, position[some, None], beacons[some])
-    return np.stack([np.interp(np.arange(n), some, column) for column in known.T], axis=1)
+    of_some = shares(acoustics, position[some, None], beacons[some])
+    return np.stack([np.interp(np.arange(n), some, column) for column in of_some.T], axis=1)

@@ -22,12 +22,13 @@ def assumed(
     everything
         Whether to return everything, or only the clock, which the range noise depends on.
     """
-    if everything:
-        values = assumptions.assumed(target, platform, acoustics, source)
-    else:
-        values = assumptions.clock(acoustics)
     tables = {"target": target, "platform": platform, "acoustics": acoustics}
     foreign = {name: table for name, table in tables.items() if table.fmu is not None}
+    if everything:
+        placed = foreign.keys().isdisjoint(("target", "platform"))
+        values = assumptions.assumed(target, platform, acoustics, source, place_known=placed)
+    else:
+        values = assumptions.clock(acoustics)
     if not foreign:
         return values
     return {key: value for key, value in values.items() if not _unknown(foreign, key)}

@@ -17,6 +17,7 @@ from sblcosim.models.settings.presets import PRESET_TABLES, PRESETS, preset
 
 from ..words.lists import listed, plural
 from .schema import CORE_COMPONENTS, Table, toml
+from .timing import slot_of
 from .tracks import FILE, FILE_KEYS
 
 Key = tuple[str, ...]
@@ -39,6 +40,7 @@ def is_choice(key: Key) -> bool:
 class _Tables(Protocol):
     """The part of a scenario that is needed here."""
 
+    time: Any
     platform: Any
     acoustics: Any
     receiver: Any
@@ -100,6 +102,8 @@ def _why(scenario: _Tables, ours: Mapping[str, tuple[str, ...]], key: Key) -> st
         return set_[0] if None not in set_ else None
     if key in _SELECTED_BY and not {name, _SELECTED_BY[key]} & table.model_fields_set:
         return None  # giving it selects it
+    if key == _DEPTH and _sets_slot(scenario):
+        return None
     if name in FILE_KEYS:
         if table.trajectory != FILE and ours[key[0]]:
             return f"trajectory is {toml(table.trajectory)}"
@@ -111,6 +115,16 @@ def _why(scenario: _Tables, ours: Mapping[str, tuple[str, ...]], key: Key) -> st
             return None
         reasons.append(unmet)
     return _text(reasons[0], table) if reasons else None
+
+
+_DEPTH = ("acoustics", "water_depth_m")
+"""The key that also decides how late the echoes of a packet are, and so the slot."""
+
+
+def _sets_slot(scenario: _Tables) -> bool:
+    """Whether the time between pings follows from packets and echoes."""
+    given = "sampling_time_s" in scenario.time.model_fields_set
+    return not given and slot_of(scenario.acoustics) is not None
 
 
 _Met = tuple[Condition, Variable]

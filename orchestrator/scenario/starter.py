@@ -14,6 +14,7 @@ from sblcosim.models.settings.keys import default
 from sblcosim.models.settings.presets import PRESET_VALUES, PRESETS
 
 from ..errors import ConfigurationError
+from . import effects
 from .explained import explained
 from .file_schema import DIRECTIVE, TITLES
 from .likes import LIKES, USUAL
@@ -70,7 +71,7 @@ def starter(
         Name of the new scenario: that of its file, so that the file need not say it, and a copy has
         its own.
     source
-        Scenario whose given keys are used; None: a simple one.
+        Scenario whose given keys are used, if they have an effect; None: a simple one.
     changes
         Keys to change in it.
     asked
@@ -86,7 +87,9 @@ def starter(
     ConfigurationError
         `source` cannot be loaded.
     """
-    scenario = load(LIKES[USUAL].source if source is None else source, changes)
+    scenario = _without_idle(
+        load(LIKES[USUAL].source if source is None else source, changes), asked
+    )
     tables = _in_use(scenario, asked)
     if short:
         tables = _needed(scenario, tables, asked)
@@ -108,6 +111,13 @@ _REST = {
     True: "Keys that are left out have their defaults; 'sblcosim new --all' writes all of them.",
     False: "What is commented out shows what holds without it, or an example.",
 }
+
+
+def _without_idle(scenario: Scenario, asked: Collection[str]) -> Scenario:
+    """The scenario without the given keys that have no effect, except those that are asked for."""
+    given = {*effects.given(scenario)}
+    idle = [".".join(key) for key in scenario.idle() if key in given]
+    return scenario.override({key: None for key in idle if key not in asked})
 
 
 def _in_use(scenario: Scenario, asked: Collection[str]) -> Tables:

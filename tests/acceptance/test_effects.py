@@ -28,7 +28,7 @@ Record = Mapping[str, np.ndarray]
 
 
 VALID: Mapping[str, list[Any]] = {
-    "water_depth": [40.0], "loss_burst_length": [4.0], "profile_count": [],
+    "water_depth": [40.0], "loss_burst_length": [0.0, 4.0], "profile_count": [],
 }
 """Other values where most numbers within the bounds contradict other keys."""
 
@@ -131,6 +131,8 @@ WATCH = ("receiver", "watch")
 SHORT = {"time.duration_s": 12.0}
 MORE = {
     "realistic-dive": {"time.duration_s": 60.0},
+    "realistic-sea": {"time.duration_s": 60.0, "acoustics.outlier_probability": 0.3},
+    "harbour-wakes": {"time.duration_s": 40.0},
     "harbour-lbl": {"time.duration_s": 90.0, "platform.mean_heading_deg": 7.0},
     "gps-buoys": {"time.duration_s": 90.0},
 }
@@ -144,7 +146,8 @@ NO_ATTITUDE = {("acoustics", "packet_angle_resolution_deg")}
 
 
 MUCH_ALIKE = (
-    "harbour-square", "harbour-spiral", "paper-scenario-2", "paper-scenario-3", "realistic-dive",
+    "harbour-square", "harbour-spiral", "harbour-wakes", "paper-scenario-2", "paper-scenario-3",
+    "realistic-dive", "realistic-sea",
 )
 
 

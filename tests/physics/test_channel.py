@@ -125,6 +125,22 @@ def test_echoes_grow_with_the_lost_direct_path() -> None:
     assert shares[0] < shares[1] < shares[2]
 
 
+@pytest.mark.parametrize("more", [
+    {}, {"acoustics.outlier_probability": 0.2, "acoustics.outlier_mean_m": 0.5},
+    {"acoustics.ranging": "two_way", "acoustics.turnaround_s": 0.01},
+])
+def test_receivers_assume_the_mean_excess_of_late_ranges(more: dict[str, Any]) -> None:
+    """That of outliers and echoes together; a range is late by the mean of both legs."""
+    keys = {**dict(ECHOES), **more}
+    found = recorded(*keys.items())
+    assumed = load("harbour-square", {**STILL, **keys}).assumptions()
+    late = found["arrived"] & (found["excess"] > 1e-3)
+    mean = np.array([run[which].mean() for run, which in zip(found["excess"], late, strict=True)])
+    mean_within(mean, assumed["outlier_mean_m"])
+    share = late.sum((1, 2)) / found["arrived"].sum((1, 2))
+    mean_within(share, assumed["outlier_probability"])
+
+
 # --- In all masters ------------------------------------------------------------------------------
 
 EVERYTHING = {

@@ -25,7 +25,17 @@ from sblcosim.models.declaration import Variable
 from sblcosim.models.platform.variables import MOTION
 from sblcosim.models.receiver.receivers.coupled import COMPONENT as COUPLED
 from sblcosim.models.receiver.receivers.long_baseline import COMPONENT as LONG_BASELINE
-from sblcosim.models.settings import assumptions, beacons, either, keys, motion, parameters, times
+from sblcosim.models.settings import (
+    assumptions,
+    beacons,
+    echoes,
+    either,
+    keys,
+    motion,
+    parameters,
+    paths,
+    times,
+)
 from sblcosim.scenario.scenario import load, shipped
 
 TABLES = ("target", "platform", "acoustics", "receiver")
@@ -126,6 +136,14 @@ TRIED: Mapping[str, Callable[[Tables], Any]] = {
     "assumptions.range_noise": lambda t: assumptions.range_noise(t.acoustics),
     "assumptions.rounding": _rounding,
     "beacons.beacons_of": lambda t: beacons.beacons_of(t.platform),
+    "echoes.chances": lambda t: echoes.chances(t.acoustics),
+    "echoes.excesses": lambda t: echoes.excesses(
+        either.sqrt, t.target.side_m**2, t.target.depth_start_m, t.platform.beacon_depth_m,
+        t.acoustics.water_depth_m),
+    "echoes.late": lambda t: echoes.late(t.acoustics.outlier_probability / 2, t.acoustics),
+    "echoes.mean_excess": lambda t: echoes.mean_excess(
+        t.acoustics.outlier_probability / 2, t.target, t.platform, t.acoustics),
+    "echoes.share": lambda t: echoes.share(t.acoustics),
     "keys.in_file_units": _of_each_key(
         lambda v, value: () if v.shape else keys.in_file_units(v, value)),
     "keys.in_si": _of_each_key(keys.in_si),
@@ -135,6 +153,7 @@ TRIED: Mapping[str, Callable[[Tables], Any]] = {
     "motion.of_mooring": lambda t: motion.of_mooring(t.platform),
     "motion.of_sines": lambda t: motion.of_sines(t.platform, ("roll", "yaw", "heave")),
     "parameters.of_receiver": _of_receiver,
+    "paths.sketch": lambda t: paths.sketch(t.target),
     "parameters.of_model": _of_model,
     "times.update_interval": lambda t: times.update_interval(
         t.acoustics.outlier_mean_m + 1.0, 3),
@@ -244,7 +263,8 @@ class Both:
 
 ROUNDED = {"keys.in_file_units": 1e-11, "times.update_interval": 1e-9}
 """Relative errors of numbers that are rounded: to twelve digits, and to whole nanoseconds."""
-SCENARIOS = [*shipped(), *range(4)]
+QUICK = ("gps-buoys", "harbour-lbl", "harbour-random", "paper-scenario-1", "realistic-sea")
+SCENARIOS = few([*shipped(), *range(4)], quick=(*QUICK, *range(4)))
 
 
 def scenario_of(which: str | int) -> Tables:

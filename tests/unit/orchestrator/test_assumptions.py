@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+import warnings
 from math import hypot, pi, sqrt
 from pathlib import Path
 from types import SimpleNamespace
@@ -11,11 +12,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+import sblcosim
 from sblcosim.fmus.build.factory import build
+from sblcosim.limits import echoes
 from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.receiver.receivers.coupled import COMPONENT as COUPLED
 from sblcosim.models.receiver.receivers.long_baseline import COMPONENT as LONG_BASELINE
 from sblcosim.models.settings.assumptions import SOURCES, rounding
+from sblcosim.models.target.variables import TRAJECTORIES
 from sblcosim.scenario.scenario import load, shipped
 from sblcosim.scenario.sources import choice_of
 from sblcosim.scenario.wiring import applied, connect
@@ -108,6 +112,9 @@ FOLLOWS: list[tuple[dict[str, Any], str, Any]] = [
     ({"acoustics.outlier_probability": 1.0}, "outlier_probability", 0.9),
     ({"acoustics.outlier_probability": 0.2, "acoustics.outlier_mean_m": 4.0}, "outlier_mean_m",
      4.0),
+    ({"acoustics.loss_probability": 0.5, "acoustics.bottom_echo_probability": 0.5,
+      "acoustics.water_depth_m": 9.0, "platform.arm_length_m": 1e-3,
+      "platform.beacon_depth_m": 1.0}, "outlier_mean_m", hypot(15, 12) - hypot(15, 4)),
     ({"acoustics.assumed_sound_speed_m_s": 1480.0}, "assumed_sound_speed_m_s", 1480.0),
     ({"acoustics.clock_offset_s": -1e-3}, "clock_std_m", 1.5),
     ({"acoustics.processing_delay_s": 5e-3, "acoustics.processing_delay_correction_s": 3e-3},
@@ -229,6 +236,55 @@ def test_other_receivers_of_a_scenario_get_them_too() -> None:
         hypot(swing.roll_amplitude_deg, swing.pitch_amplitude_deg) / 2 * pi / 180)
     for name in {v.name for v in COUPLED.of("parameter") if v.key in SOURCES}:
         assert name in own.parameters
+
+
+PATHS: dict[str, dict[str, Any]] = {
+    "straight_line": {"heading_deg": 70.0, "path_length_m": 40.0, "depth_end_m": 8.0},
+    "semicircle": {"center_m": [5.0, -8.0], "heading_deg": 30.0, "depth_start_m": 2.0},
+    "circle": {"turns": 1.5, "depth_end_m": 1.0, "center_m": [10.0, 0.0]},
+    "square": {"side_m": 30.0, "heading_deg": 20.0, "center_m": [0.0, 15.0]},
+    "spiral": {"turns": 3.0, "spiral_radius_m": [3.0, 40.0]},
+    "random_path": {"path_length_m": 30_000.0, "leg_length_m": 5.0, "box_m": [30.0, 10.0]},
+    "waypoints": {"waypoint_m": [[0, 3, 1], [0, 40, 8], [0, 40, 2], [3, 39, 2], [-9, 30, 9]]},
+    "file": {"track_time_s": [0, 60, 70, 200], "track_m": [[0, 3, 1], [0, 40, 8], [9, 9, 8],
+                                                           [30, 30, 2]]},
+    "white_noise_acceleration": {"initial_position_m": [30.0, 5.0, 6.0],
+                                 "acceleration_psd_m2_s3": 0.0},
+}
+
+
+@pytest.mark.parametrize("trajectory", PATHS)
+def test_late_ranges_are_those_of_echoes_along_the_path(trajectory: str) -> None:
+    keys = {f"target.{key}": value for key, value in PATHS[trajectory].items()}
+    keys |= {"target.trajectory": trajectory, "acoustics.loss_probability": 0.4,
+             "acoustics.surface_echo_probability": 0.3, "acoustics.bottom_echo_probability": 0.6,
+             "acoustics.water_depth_m": 12.0, "platform.mean_heading_deg": 40.0,
+             "platform.mean_position_m": [2.0, -3.0, 0.5], "platform.beaufort": 0,
+             "time.sampling_time_s": 1.0}
+    timed = trajectory in ("file", "white_noise_acceleration")
+    keys["time.duration_s"] = 200.0 if timed else "path"
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        run = sblcosim.run({}, "multilateration", keys)
+    diver = run.record.values["target.position"][1:, None]
+    a, b = run.scenario.acoustics, run.record.values["platform.beacon_position"][1:]
+    e = np.sort(found := echoes.excesses(a, diver, b), axis=-1)
+    q = np.array(echoes.echo_chances(a))[np.argsort(found, axis=-1)]
+    mean = (q[..., 0] * e[..., 0] + (1 - q[..., 0]) * q[..., 1] * e[..., 1]) / (1 - 0.7 * 0.4)
+    assert run.scenario.assumptions()["outlier_mean_m"] == pytest.approx(mean.mean(), rel=0.07)
+
+
+def test_all_paths_are_tried() -> None:
+    assert {*PATHS} == {*TRAJECTORIES.values()}
+
+
+def test_echoes_on_a_path_that_is_not_known_have_no_known_excess() -> None:
+    told = {"acoustics.loss_probability": 0.4, "acoustics.surface_echo_probability": 0.3}
+    foreign = {"target": {"fmu": str(build("target"))}}
+    assert "outlier_mean_m" in load({}, told).assumptions()
+    assert "outlier_mean_m" not in load(foreign, told).assumptions()
+    outliers = {"acoustics.outlier_probability": 0.1, "acoustics.outlier_mean_m": 3.0}
+    assert load(foreign, {**told, **outliers}).assumptions()["outlier_mean_m"] == 3.0
 
 
 @pytest.mark.parametrize("name", shipped())

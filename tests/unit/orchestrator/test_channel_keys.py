@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 import sblcosim
 from sblcosim.comparison.budget import sources
-from sblcosim.errors import ConfigurationError
+from sblcosim.errors import ConfigurationError, NoEffectWarning
 from sblcosim.limits import echoes, places, reference
 from sblcosim.limits.parameters import conditions
 from sblcosim.scenario import water
 from sblcosim.scenario.doubts import doubts
 from sblcosim.scenario.scenario import load
+from sblcosim.scenario.wiring import connect
 
 HARBOUR = "harbour-square"
 A = "acoustics."
@@ -157,6 +158,20 @@ def test_the_slot_follows_from_packet_travel_echoes_and_guard() -> None:
     assert deep.time.sampling_time_s == 0.189
     cold = load(free, {f"{A}temperature_C": 0.0, f"{A}salinity": 35.0})
     assert cold.time.sampling_time_s == 0.164
+
+
+def test_the_depth_of_the_water_has_an_effect_where_it_sets_the_slot() -> None:
+    deep = {**TIMED, f"{A}water_depth_m": 60.0}
+    free, given = (load(HARBOUR, {**deep, "time.sampling_time_s": slot}) for slot in (None, 0.5))
+    assert free.acoustics.bottom_echo_probability == 0
+    assert ("acoustics", "water_depth_m") not in free.idle()
+    assert ("acoustics", "water_depth_m") in given.idle()
+    assert "water_depth_m = 60" in free.dump_toml()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        connect(free)
+    with pytest.warns(NoEffectWarning, match="water_depth_m: has no effect"):
+        connect(given)
 
 
 def test_a_slot_that_is_given_stays_and_is_doubted_if_it_is_short() -> None:

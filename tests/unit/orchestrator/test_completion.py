@@ -44,7 +44,7 @@ def offered(line: str) -> list[str]:
         ("sblcosim run ", [*shipped()]),
         ("sblcosim run harbour-s", ["harbour-spiral", "harbour-square"]),
         ("sblcosim run --seed abc harbour-s", ["harbour-spiral", "harbour-square"]),
-        ("sblcosim new mine.toml --from real", ["realistic-dive"]),
+        ("sblcosim new mine.toml --from real", ["realistic-dive", "realistic-sea"]),
         ("sblcosim study ", [*studies()]),
         ("sblcosim require one", ["one-metre"]),
         ("sblcosim plan realistic-dive --receiver ", [*RECEIVERS]),

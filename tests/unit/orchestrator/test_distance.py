@@ -52,12 +52,16 @@ SAID = re.compile(
 )
 
 
+SHALLOW = {"harbour-wakes": (1.5, 3.0)}
+"""Depths [m] where the water is too shallow for 4 m and 12 m."""
+
+
 @cache
 def curve(name: str, seed: int = 1) -> DistanceCurve:
     speed = None if "speed_m_s" in sblcosim.load(name).target.model_fields_set else 0.3
     return sblcosim.map_distance(
-        name, 40, (4.0, 12.0), cells=3, runs=100, overrides={"seed": seed}, speed_m_s=speed,
-        duration_s=30.0, settling_s=20.0,
+        name, 40, SHALLOW.get(name, (4.0, 12.0)), cells=3, runs=100, overrides={"seed": seed},
+        speed_m_s=speed, duration_s=30.0, settling_s=20.0,
     )  # fmt: skip
 
 
@@ -410,6 +414,14 @@ WORDS: dict[str, list[str]] = {
     "realistic-dive": ["Beaufort 2", "surge and sway of ±2.1 m",
                        "GPS error 1.2 m horizontal (1σ per axis)", "heading error 3° RMS", NOISE,
                        "25 % packet loss", "5 % outliers", "speed of sound off by 2 %"],
+    "realistic-sea": ["Beaufort 3 as a spectrum", "drift in a circle of 3 m", "SBAS GPS",
+                      "heading error 2.06° RMS", NOISE, "25 % packet loss in bursts of 4 packets",
+                      "echoes from surface and bottom", "1 % outliers",
+                      "speed of sound off by 2 %"],
+    "harbour-wakes": ["waves of 0.2 m (significant height, peak at 1.3 s)",
+                      "drift in a circle of 1 m", "yaw of ±3°",
+                      "GPS error 1.05 m horizontal (1σ per axis)", "heading error 1° RMS", NOISE,
+                      "50 % packet loss in bursts of 3 packets", "echoes from surface and bottom"],
     "gps-buoys": ["beacons at rest", "SBAS GPS on each buoy", NOISE, "25 % packet loss",
                   "5 % outliers", "speed of sound off by 2 %"],
     "harbour-lbl": ["beacons at rest", "beacons surveyed to 0.3 m (1σ per axis)", NOISE,

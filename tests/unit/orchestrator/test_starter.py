@@ -15,6 +15,7 @@ from sblcosim.scenario.likes import LIKES
 from sblcosim.scenario.scenario import load, shipped
 from sblcosim.scenario.schema import Acoustics, Platform, Receiver, Target, Time
 from sblcosim.scenario.starter import starter
+from sblcosim.scenario.wiring import connect
 from typer.testing import CliRunner
 
 TABLES = {
@@ -68,6 +69,20 @@ def test_a_key_that_is_commented_out_is_valid_when_it_is_put_in_use() -> None:
 def test_a_starter_from_a_scenario_is_that_scenario_under_another_name(name: str) -> None:
     made = load(tomllib.loads(starter("mine", name)))
     assert made.model_dump(exclude={"name"}) == load(name).model_dump(exclude={"name"})
+
+
+@pytest.mark.parametrize("short", [True, False])
+def test_a_starter_has_no_keys_without_effect(short: bool) -> None:
+    """The boat's surge and sway are those of a platform that moves by sines."""
+    base = load(LIKES["water-linked"].source, {"platform.motion": "spectrum"})
+    made = tomllib.loads(starter("mine", base, short=short))
+    assert base.given()["platform"].keys() - made["platform"].keys() >= {
+        "surge_amplitude_m", "surge_frequency_Hz", "sway_amplitude_m", "sway_frequency_Hz"}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        connect(load(made))
+    asked = starter("mine", base, asked=["platform.surge_amplitude_m"], short=short)
+    assert "\nsurge_amplitude_m = 1.0" in asked
 
 
 @pytest.mark.parametrize("name", LIKES)
