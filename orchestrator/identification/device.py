@@ -131,7 +131,7 @@ class Device:
     remarks
         What a reader must know.
     wider
-        Factor of all intervals, as residuals of a beacon resemble the ones before; 1 if they do
+        Factor of all intervals, as residuals of a beacon are correlated in time; 1 if they are
         not.
     """
 
@@ -338,8 +338,8 @@ def _wider(ranges: Ranges, outcome: Filtered, remarks: list[str]) -> float:
     if factor < _WIDER:
         return 1.0
     remarks.append(
-        f"residuals of a beacon resemble the ones before (correlation {share[0]:.2f}): intervals "
-        f"are {factor:.1f} times as wide as if they were independent"
+        f"residuals of a beacon are correlated in time ({share[0]:.2f} with the one before): "
+        f"intervals are {factor:.1f} times as wide as if they were independent"
     )
     return factor
 
