@@ -296,11 +296,25 @@ def check(
         pass
     except OSError as error:  # its name is too long, for example
         raise _refusal(path, error) from error
-    above = path.parent
+    check_place(path, within=path if _is_empty(path) else path.parent)
+
+
+def check_place(path: Path, within: Path | None = None) -> None:
+    """Check in advance, as far as possible, that a folder can be made and written to.
+
+    Parameters
+    ----------
+    within
+        Where something will be made for it; None: in the folder itself.
+
+    Raises
+    ------
+    ConfigurationError
+        It cannot: a file is in the way, for example.
+    """
+    above = within or path
     while not os.path.lexists(above):
         above = above.parent
-    if _is_empty(path):
-        above = path
     if not os.path.isdir(above):
         raise _refusal(path, NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR)))
     if not os.access(above, os.W_OK | os.X_OK):

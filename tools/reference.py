@@ -61,6 +61,7 @@ FOLLOWS: Mapping[str, Sequence[str]] = {
     **{f"receiver.{key}": sources for key, sources in SOURCES.items()},
 }
 """Keys whose default follows from other keys, and these."""
+_DERIVED = "derived"
 NOISE = {variable.key for variable in noise_keys()}
 """Keys that have an effect if any of a component's many random errors is there."""
 
@@ -89,8 +90,10 @@ def entries(table: str = "") -> Iterator[str]:
         name = f"{table}.{key}" if table else key
         facts = dict(_facts(name, takers) if takers else _facts_of(name))
         text = f"{_plain(_schema(table).model_fields[key].description)}."
-        if "Has an effect if" in facts:
-            text += f" Has an effect if {facts['Has an effect if']}."
+        if "Used if" in facts:
+            text += f" Used if {facts['Used if']}."
+        if name in FOLLOWS:
+            text += f" Derived from {_listed([f'`{key}`' for key in FOLLOWS[name]], 'and')}."
         values = facts.get("One of") or facts.get("Bounds", "")
         of = [facts.get("Of", "all")] if receiver else []
         yield _row(f"`{name}`", text, facts.get("Unit", ""), facts.get("Default", ""), values, *of)
@@ -116,12 +119,15 @@ def _takers(table: str, key: str) -> dict[str, tuple[Component, Variable]]:
 def _facts(name: str, takers: dict[str, tuple[Component, Variable]]) -> Iterator[tuple[str, str]]:
     """What the declarations say; by component, where they differ."""
     if name.startswith("receiver."):
+        others = RECEIVERS.keys() - takers
         named = ", ".join(f"`{taker}`" for taker in takers)
-        yield "Of", "all of ours" if len(takers) == len(RECEIVERS) else named
+        yield "Of", "all of ours" if not others else (
+            f"all but `{others.pop()}`" if len(others) == 1 else named
+        )
     for fact, of in (("Unit", _unit), ("One of", _choices), ("Default", _default),
-                     ("Bounds", _bounds), ("Has an effect if", _effect)):
+                     ("Bounds", _bounds), ("Used if", _effect)):
         if fact == "Default" and name in FOLLOWS:
-            yield fact, _followed(name)
+            yield fact, _DERIVED
             continue
         texts: dict[str, list[str]] = {}
         for taker, (component, variable) in takers.items():
@@ -146,16 +152,11 @@ def _facts_of(name: str) -> Iterator[tuple[str, str]]:
     if "enum" in said:
         yield "One of", ", ".join(f"`{toml(value)}`" for value in said["enum"])
     if name in FOLLOWS:
-        yield "Default", _followed(name)
+        yield "Default", _DERIVED
     elif said.get("default") is not None:
         yield "Default", f"`{toml(said['default'])}`"
     if "minimum" in said and said["maximum"] != INT32_MAX:
         yield "Bounds", f"{_short(said['minimum'])} to {_short(said['maximum'])}"
-
-
-def _followed(name: str) -> str:
-    """The default of a key that follows from others."""
-    return "follows from " + _listed([f"`{key}`" for key in FOLLOWS[name]], "and")
 
 
 def _unit(component: Component, variable: Variable) -> str:
@@ -204,10 +205,16 @@ def _any_of(component: Component, group: Sequence[Condition]) -> str:
 
 
 def _met(other: Variable, condition: Condition) -> str:
-    """What the other parameter must be."""
+    """What the other parameter must be; if it can be most things, what it must not be."""
+    if other.type == "Boolean":
+        return f"is `{toml(condition.values in ((), (1,)))}`"
     if not condition.values:
-        return "is `true`" if other.type == "Boolean" else "is not 0"
-    names = [(other.choices or {}).get(v, toml(v)) for v in condition.values]
+        return "is not 0"
+    choices = other.choices or {}
+    names = [choices.get(v, toml(v)) for v in condition.values]
+    others = [name for name in choices.values() if name not in names]
+    if 0 < len(others) < len(names):
+        return f"is not {_listed([f'`{name}`' for name in others], 'or')}"
     return f"is {_listed([f'`{name}`' for name in names], 'or')}"
 
 

@@ -250,7 +250,10 @@ def _beacons(ax: Axes, area: AreaMap) -> list[Any]:
     middle = area.beacons.mean(axis=0)
     arm = float(np.hypot(*(area.beacons - middle)[:, :2].T).max())
     sides = [np.ptp(ends) for ends in (area.grid.north, area.grid.east)]
-    how: dict[str, Any] = {"color": "#000000", "mfc": "#ffffff", "zorder": 5, "marker": "^"}
+    how: dict[str, Any] = {
+        "color": "#000000", "mfc": "#ffffff", "zorder": 5, "marker": "^",
+        "path_effects": [patheffects.withStroke(linewidth=2.4, foreground="#ffffff")],
+    }  # fmt: skip
     if arm < SMALLEST * max(sides):
         name = f"{counted(len(north), 'beacon')} within {meters(arm)}"
         return ax.plot(middle[1], middle[0], ls="", ms=5, label=name, **how)

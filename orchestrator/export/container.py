@@ -13,6 +13,7 @@ from sblcosim.fmus.files import scratch, write_file
 from sblcosim.fmus.host.nanoseconds import SECOND
 from sblcosim.fmus.stopping import interruptible
 
+from ..artifacts import check_place
 from ..errors import ConfigurationError
 from ..scenario.files import naming_files
 from ..scenario.overrides import Changes
@@ -57,10 +58,12 @@ def export_fmu(
             f"export fmu: must have the package {TOOLBOX}, got none; pip install {TOOLBOX}"
         )
     settled = load(scenario, overrides)
+    target = Path(path or f"{settled.name}.fmu")
+    check_place(target.parent)
     plan = fmu_plan(settled, receiver, components, 2, "a single FMU")
     # The file name becomes an identifier in C.
     content = _container(plan, re.sub(r"\W", "_", settled.name) + ".fmu")
-    return written(Path(path or f"{settled.name}.fmu"), lambda file: write_file(file, content))
+    return written(target, lambda file: write_file(file, content))
 
 
 def _container(plan: Plan, name: str) -> bytes:

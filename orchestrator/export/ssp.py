@@ -25,6 +25,7 @@ from sblcosim.fmus.build.description import PACKAGE
 from sblcosim.fmus.host.nanoseconds import SECOND
 from sblcosim.fmus.stopping import interruptible
 
+from ..artifacts import check_place
 from ..errors import check_choice
 from ..packages.structure import DESCRIPTION, NAMESPACES
 from ..scenario.files import naming_files
@@ -93,6 +94,8 @@ def export_ssp(
     """
     check_choice("version", version, get_args(Version))
     settled = load(scenario, overrides)
+    target = Path(path or f"{settled.name}{'-baked' if bake else ''}.ssp")
+    check_place(target.parent)
     plan = fmu_plan(settled, receiver, components, version + 1, f"SSP {version}.0")
     parts = parts_of(plan, bake)
     sets = {part.name for part in parts if part.planned.settings and not bake}
@@ -101,8 +104,7 @@ def export_ssp(
         files[f"resources/{part.name}.fmu"] = part.fmu.read_bytes()
         if part.name in sets:
             files[f"resources/{part.name}.ssv"] = _document(_parameter_set(part, version))
-    name = f"{settled.name}{'-baked' if bake else ''}.ssp"
-    return written(Path(path or name), lambda file: write_fmu(file, files))
+    return written(target, lambda file: write_fmu(file, files))
 
 
 # --- The system structure description -------------------------------------------------------------

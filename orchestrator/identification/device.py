@@ -131,7 +131,7 @@ class Device:
     remarks
         What a reader must know.
     wider
-        Factor of all intervals, as residuals of a beacon resemble the ones before; 1 if they do
+        Factor of all intervals, as residuals of a beacon are correlated in time; 1 if they are
         not.
     """
 
@@ -338,8 +338,8 @@ def _wider(ranges: Ranges, outcome: Filtered, remarks: list[str]) -> float:
     if factor < _WIDER:
         return 1.0
     remarks.append(
-        f"residuals of a beacon resemble the ones before (correlation {share[0]:.2f}): intervals "
-        f"are {factor:.1f} times as wide as if they were independent"
+        f"residuals of a beacon are correlated in time ({share[0]:.2f} with the one before): "
+        f"intervals are {factor:.1f} times as wide as if they were independent"
     )
     return factor
 
@@ -408,7 +408,7 @@ def _scale_and_offsets(
 
 def _of_walk(found: Fit, wider: float) -> Number:
     """How far the error of a beacon's ranges walks in a second."""
-    name, unit = "range_walk", "m/s0.5"
+    name, unit = "range_walk", "m/√s"
     if not found.walks:
         return _missing(name, unit, "constant offsets explain the ranges as well")
     at, sd = found.coordinate(name)
@@ -432,7 +432,7 @@ def _of_motion(found: Fit, wider: float, swings: bool) -> list[Number]:
         at, sd = found.coordinate(name)
         return _logarithmic(name, at, sd * wider, unit, what)
 
-    psd = row("acceleration_psd", "m2/s3", "density of the diver's white acceleration")
+    psd = row("acceleration_psd", "m²/s³", "density of the diver's white acceleration")
     if swings:
         psd = _untold(psd, NOT, "the platform's own swings add to the diver's motion")
     names = (("turn_rate", "1/s", "turns a second"),

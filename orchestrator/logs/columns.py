@@ -28,7 +28,7 @@ RECEPTIONS = Columns(
                     "round trip and of the turn-around for ``two-way``, and the arrival itself for "
                     "``range``. One of",
                     type=Literal[KINDS], sometimes=True),
-        TableColumn("range_m", "Range; it counts where a time of flight is given, too", "m",
+        TableColumn("range_m", "Range; it takes precedence over a time of flight", "m",
                     type=float, sometimes=True),
         TableColumn("time_of_flight_s", "Time of flight; both ways with the turn-around if the "
                     "kind is ``two-way``", "s", type=float, sometimes=True),

@@ -118,7 +118,7 @@ class Log(Shown):
 
     @property
     def start_ns(self) -> int:
-        """Begin of the log [ns]: as stated, or the first time in it."""
+        """Start of the log [ns]: as stated, or the first time in it."""
         first, stated = self._times()[0], self.meta.start_ns
         return first if stated is None else min(first, stated)
 

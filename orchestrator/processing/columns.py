@@ -27,7 +27,7 @@ RECEIVERS = Columns(
         TableColumn("total_p95_m", "Radius that holds 95 % of these errors", "m", sometimes=True),
         TableColumn("claimed_rms_m", "RMS of the horizontal error that the covariance claims, over "
                     "the same estimates", "m", "claimed", sometimes=True),
-        TableColumn("claimed_over_made", "Claimed over made RMS", sometimes=True),
+        TableColumn("claimed_over_made", "Claimed over actual RMS error", sometimes=True),
         TableColumn("nees", "Mean NEES of the horizontal position, 2 degrees of freedom",
                     sometimes=True),
         TableColumn("nis", "Mean NIS", sometimes=True),

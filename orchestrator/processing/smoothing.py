@@ -84,7 +84,7 @@ def smoothed(ready: Settled, made: Ran) -> tuple[Estimates, Sequence[str], list[
         wider = 1.0
     elif not doubts:
         remarks.append(
-            f"{SMOOTHER}: residuals of a beacon resemble the ones before, so its claims are "
+            f"{SMOOTHER}: residuals of a beacon are correlated in time, so its claims are "
             f"{wider:.1f} times as wide as if they were independent"
         )
     own = makes(p, samples, track.mean, track.covariance * wider**2)
@@ -98,7 +98,7 @@ def smoothed(ready: Settled, made: Ran) -> tuple[Estimates, Sequence[str], list[
 
 
 def resemblance(beacon: NDArray[np.intp], residual: Floats) -> float:
-    """Factor of standard deviations, as residuals of a beacon resemble the ones before.
+    """Factor of standard deviations, as residuals of a beacon are correlated in time.
 
     It is the root of the residuals' spectrum at zero over their variance, with Bartlett's weights
     (W. K. Newey, K. D. West, Econometrica 55, 1987).

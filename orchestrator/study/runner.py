@@ -15,6 +15,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from sblcosim.fmus.stopping import interruptible
 
+from ..artifacts import check_place
 from ..errors import resolved
 from ..scenario.files import naming_files
 from ..simulation.children.children import Children
@@ -113,6 +114,7 @@ def run(
 def carry_out(study: Definition, out: str | Path, how: How = HOW) -> Parts:
     """As `run`, for callers that do not need the whole table; returns its location."""
     folder = resolved(out)
+    check_place(folder)
     campaign = prepare(as_begun(study, folder), how)
     check_folder(folder, campaign)
     with executors.ready(campaign, how) as simulated, at_work(folder):

@@ -265,6 +265,17 @@ def test_a_page_that_is_not_as_the_sources_are_is_found(monkeypatch: pytest.Monk
     assert reference.current(text.replace("`fmi`", "`fmu`")) == text
 
 
+def test_conditions_of_keys_are_in_the_words_of_a_scenario_file() -> None:
+    text = (DOCS / "reference" / "scenario.md").read_text("utf-8")
+    conditions = re.findall(r" Used if (.+?)\.(?: Derived from| \|)", text)
+    assert len(conditions) > 80
+    assert not [it for it in conditions if re.search(r"is (not )?`\d`", it)]
+    paths = re.findall(r"`trajectory` is ([^;\n]*)", "\n".join(conditions))
+    listed = [it.count("`") // 2 for it in paths]
+    assert listed
+    assert max(listed) <= 4  # of nine trajectories
+
+
 def test_what_is_cited_is_what_this_is() -> None:
     cited = yaml.safe_load((ROOT / "CITATION.cff").read_text("utf-8"))
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]

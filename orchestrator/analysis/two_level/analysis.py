@@ -36,6 +36,7 @@ from ...answer import Answer
 from ...catalogue import Figure, Job, by_name, jobs
 from ...lazy import Module
 from ...shown import Picture, folded, page, verbatim
+from ...words.numbers import rounded
 from ..common.model import (
     ALIAS_ORDER,
     Term,
@@ -528,7 +529,7 @@ FIGURES: Mapping[str, Figure[Factorial]] = by_name(
         lambda f: f"Main effects: mean {f.quantity} at both levels of each factor"
         f"{', with its interval' if f.replicate_effects is None else ''}, "
         "and overall mean.",
-        lambda f: f"Main effects; overall mean {f.overall_mean:.3g}"
+        lambda f: f"Main effects; overall mean {rounded(f.overall_mean)}"
         f"{f.unit and f' {f.unit}'}",
     ),
     Figure(

@@ -21,7 +21,7 @@ from scipy import stats
 
 from ...study.design import INTERACTION_SIGN
 from ...style import LINES, PLAIN, SMALL, Theme, ThemeName, new_figure, use
-from ...words.numbers import minus
+from ...words.numbers import minus, rounded
 from ...words.shares import percent
 from ..common.figures import add_legend, panels_in, quantity_of, with_unit, wrapped
 from ..common.model import Floats
@@ -167,7 +167,7 @@ def plot_main_effects(
         if ax is None:
             ax = new_figure(max(4.0, 1.2 + 0.95 * len(factors)), 3.8).add_subplot()
         ax.axhline(analysis.overall_mean, color=look.ink, ls=LINES[2], lw=1.2,
-                   label=f"overall mean {analysis.overall_mean:.3g}")
+                   label=f"overall mean {rounded(analysis.overall_mean)} {analysis.unit}".rstrip())
         ticks: list[float] = []
         names: list[str] = []
         for i, (name, table) in enumerate(analysis.main_effects.groupby("factor", sort=False)):

@@ -56,12 +56,16 @@ def build(
     from sblcosim.fmus.files import write_file
     from sblcosim.models import COMPONENTS
 
+    from ...artifacts import check_place
+
     constants = {} if beacons is None else {"beacons": beacons}
     wanted = [
         Wanted(name, version, all_platforms, constants=constants)
         for version in ((2, 3) if fmi is None else (fmi,))
         for name in (names or COMPONENTS)
     ]
+    for one in wanted:
+        check_place(out / f"fmi{one.fmi}")
     with waiting("building"):
         written = []
         for one, cached in zip(wanted, build_all(wanted), strict=True):
@@ -69,9 +73,8 @@ def build(
             try:
                 write_file(path, cached.read_bytes())
             except OSError as error:
-                raise ConfigurationError(
-                    f"{path}: must be writable, got {error.strerror}"
-                ) from None
+                refused = f"{path}: must be writable, got {error.strerror}"
+                raise ConfigurationError(refused) from None
             written.append(path)
     for path in written:
         typer.echo(str(path))

@@ -180,8 +180,8 @@ class Platform:
                           ls=(0, (2.5, 1.5)), marker="v", mfc=look.paper)
         if self.dotted:
             drawing.add_line(ax, self.centres[:, 1], self.centres[:, 0], {
-                "color": look.ink, "ls": "", "marker": ".", "ms": 2.2, "alpha": 0.9, "zorder": 2.5,
-                "label": CENTRE,
+                "color": look.ink, "ls": "", "marker": ".", "ms": 2.2 * (size / 6) ** 2,
+                "alpha": 0.9, "zorder": 2.5, "label": CENTRE,
             })  # fmt: skip
 
     @staticmethod

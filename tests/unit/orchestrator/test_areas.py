@@ -573,6 +573,24 @@ def test_a_figure_grows_by_the_height_of_its_legend(entries: int, columns: int) 
     assert figure.get_figheight() - 4.0 == pytest.approx(tall, abs=0.1)
 
 
+def test_signs_in_the_legend_are_seen_on_dark_paper(found: result.AreaMap) -> None:
+    def seen(theme: Any) -> list[int]:
+        figure = found.plot(theme).figure
+        figure.canvas.draw()
+        picture = np.asarray(figure.canvas.buffer_rgba())[::-1, :, :3].astype(int)
+        counts = []
+        for sign in figure.legends[0].legend_handles:
+            box = sign.get_window_extent().padded(4)
+            part = picture[int(box.y0) : int(box.y1), int(box.x0) : int(box.x1)]
+            counts.append(int((np.abs(part - part[0, 0]).max(axis=2) > 60).sum()))
+        return counts
+
+    light, dark = seen("light"), seen("dark")
+    assert len(light) > 2
+    assert min(light) > 10
+    assert all(here >= 0.5 * there for here, there in zip(dark, light, strict=True))
+
+
 @pytest.mark.parametrize("theme", ["light", "dark"])
 @pytest.mark.parametrize("narrow", [False, True])
 def test_the_figure_has_three_maps_of_one_scale(

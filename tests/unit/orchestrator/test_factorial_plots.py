@@ -12,6 +12,7 @@ from sblcosim.analysis.advice.figures import plot_front
 from sblcosim.analysis.means import analysis as sweep
 from sblcosim.analysis.two_level import figures as plots
 from sblcosim.analysis.two_level.analysis import Factorial, analyse
+from sblcosim.words.numbers import rounded
 from scipy import stats
 
 ALL = (
@@ -79,6 +80,8 @@ def test_main_effects_are_the_means_around_the_overall_mean(replicated):
     ax = plots.plot_main_effects(replicated)
     mean, *lines = ax.lines
     assert mean.get_ydata()[0] == replicated.overall_mean
+    assert replicated.unit == "m"
+    assert mean.get_label() == f"overall mean {rounded(replicated.overall_mean)} m"
     means = [line for line in lines if line.get_marker() == "o"]
     drawn = np.concatenate([line.get_ydata(orig=False) for line in means])
     np.testing.assert_allclose(drawn, replicated.main_effects["mean"])

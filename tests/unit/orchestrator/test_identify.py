@@ -527,6 +527,8 @@ def test_the_answer_says_what_is_told_and_what_is_not() -> None:
     assert "not in this log" in text
     assert "noise of a depth reading" in found().text(verbose=True)
     assert found().title == "The device of harbour-lbl"
+    units = {n.unit for n in found().device.numbers}
+    assert {"m", "m/√s", "m²/s³", "1/s"} <= units
 
 
 # --- Recorded logs, which are not part of the project ---------------------------------------------

@@ -355,6 +355,17 @@ def test_the_platform_as_reported_stands_beside_the_true_one():
     assert not any("reported" in word for word in legend_of(exact))
 
 
+def test_dots_of_the_platform_do_not_hide_its_beacons_on_small_maps():
+    record = make_record(platform_error=(1.0, 2.0, 0.0))
+
+    def dot(count: int) -> float:
+        tracks = {f"filter {i}": track(record, "ekf") for i in range(count)}
+        lines = plots.plot_path(record, tracks).lines
+        return next(line for line in lines if line.get_label() == "platform as reported").get_ms()
+
+    assert dot(5) < dot(1) / 2
+
+
 def test_the_legend_tells_dots_from_a_mark_in_time(run):
     """One large dot would be a mark every so often."""
     record = make_record(platform_error=(1.0, 2.0, 0.0))
