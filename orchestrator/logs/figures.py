@@ -20,6 +20,10 @@ GAP = 5.0
 _ROW = 0.2
 """Height of a row of the timeline [inch]."""
 _LONGEST_NAME = 26
+_MARK = 6.0
+"""Size of a mark [point]."""
+_PARTS = 12
+"""Number of marks of a beacon."""
 
 
 def gaps(times_ns: Integers) -> Flags:
@@ -62,7 +66,7 @@ def plot_log(
         colours = _colours(rows, look.receivers, look.ink)
         _timeline(axes[0], log, rows, colours, unit)
         if len(log.receptions):
-            _ranges(axes[1], log, colours, unit)
+            _ranges(axes[1], log, colours, unit, look.paper)
         else:
             _positions(axes[1], log, colours, unit)
         if len(log.depth):
@@ -85,12 +89,14 @@ def _unit(log: Log) -> tuple[str, float]:
 def _colours(
     rows: dict[str, Integers], palette: Sequence[str], ink: str
 ) -> dict[str, tuple[str, str]]:
-    """Colour and marker of each row; depth and truth have that of the text."""
+    """Colour and marker of each row; depth and truth have that of the text.
+
+    Colours repeat sooner than markers, so that no two of many rows have both in common.
+    """
     names = [name for name in rows if name not in ("depth", "truth")]
-    markers = ("o", *MARKERS[2:])
+    markers = MARKERS[1:]
     styles = {
-        name: (palette[i % len(palette)], markers[i // len(palette) % len(markers)])
-        for i, name in enumerate(names)
+        name: (palette[i % len(palette)], markers[i % len(markers)]) for i, name in enumerate(names)
     }
     return {name: styles.get(name, (ink, "o")) for name in rows}
 
@@ -100,9 +106,12 @@ def _timeline(
     unit: float,
 ) -> None:
     for row, (name, times) in enumerate(rows.items()):
-        colour, _ = colours[name]
+        colour, marker = colours[name]
         if not len(times):
             continue
+        if name in log.beacons and len(log.receptions):  # the key to the marks among the ranges
+            ax.plot(1.015, row, marker, ms=_MARK, color=colour, clip_on=False,
+                    transform=ax.get_yaxis_transform())
         ends = np.flatnonzero(gaps(times))
         at = (times - log.start_ns) / unit
         first, last = at[np.r_[0, ends + 1]], at[np.r_[ends, len(at) - 1]]
@@ -115,14 +124,41 @@ def _timeline(
     ax.grid(visible=False, axis="y")
 
 
-def _ranges(ax: Axes, log: Log, colours: dict[str, tuple[str, str]], unit: float) -> None:
+def _ranges(
+    ax: Axes, log: Log, colours: dict[str, tuple[str, str]], unit: float, paper: str
+) -> None:
+    """All ranges as points, and a mark at some of those of each beacon."""
     heard = log.receptions
     for i, name in enumerate(log.beacons):
         own = heard.beacon == i
+        at, length = (heard.arrival_ns[own] - log.start_ns) / unit, heard.range[own]
         colour, marker = colours[name]
-        ax.plot((heard.arrival_ns[own] - log.start_ns) / unit, heard.range[own], marker, ms=2,
-                ls="", mew=0, color=colour, rasterized=True)
+        ax.plot(at, length, ".", ms=3, mew=0, color=colour, rasterized=True)
+        some = marked(at, (i + 0.5) / len(log.beacons), (log.stop_ns - log.start_ns) / unit)
+        ax.plot(at[some], length[some], marker, ms=_MARK, mew=0.4, mec=paper, ls="", color=colour,
+                zorder=3)
     ax.set_ylabel("Range [m]")
+
+
+def marked(at: Floats, phase: float, span: float) -> Integers:
+    """Numbers of the ranges that get a mark: one in each part of the log, where there is one.
+
+    Parameters
+    ----------
+    at
+        Times of the ranges (n,), from 0.
+    phase
+        Where in its part a mark is, from 0 to 1: that of each beacon is another.
+    span
+        Length of the log, in the unit of the times.
+    """
+    order = np.argsort(at, kind="stable")
+    part = span / _PARTS or 1.0
+    wanted = (np.arange(_PARTS) + phase) * part
+    next_ = np.minimum(np.searchsorted(at[order], wanted), max(len(at) - 1, 0))
+    near = np.abs(at[order][next_] - wanted) <= part if len(at) else np.zeros(_PARTS, bool)
+    chosen: Integers = np.unique(order[next_[near]])
+    return chosen
 
 
 def _positions(

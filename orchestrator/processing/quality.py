@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 from sblcosim.fmus.host.nanoseconds import SECOND
 
 from ..data.estimates import Estimates, Flags, Floats
@@ -24,6 +25,9 @@ _TO_STD = 1.4826
 _MOST_PAIRS = 400
 """Number of residuals for a slope, which takes all pairs."""
 _CLIPPED = 3.0
+"""Late ranges count like residuals of this size, in standard deviations."""
+_LAGS = 40
+"""Number of residuals of a beacon that may resemble one."""
 
 
 def known(truth: Truth, estimates: Estimates) -> Flags:
@@ -199,6 +203,29 @@ def described(off: Floats, length: Floats | None) -> dict[str, Any]:
         "autocorrelation": float((clipped[1:] * clipped[:-1]).sum()) / power if power else np.nan,
         "tails": float((np.abs(about) > TAIL * std).mean()) if std else np.nan,
     }
+
+
+def resemblance(beacon: NDArray[np.intp], residual: Floats) -> float:
+    """Factor of standard deviations, as residuals of a beacon resemble the ones before.
+
+    It is the root of the residuals' spectrum at zero over their variance, with Bartlett's weights
+    (W. K. Newey, K. D. West, Econometrica 55, 1987).
+
+    Parameters
+    ----------
+    beacon, residual
+        Of each range, in the order of time; shape (m,).
+    """
+    power, sums = 0.0, np.zeros(_LAGS)
+    for one in np.unique(beacon):
+        own = np.clip(residual[beacon == one], -_CLIPPED, _CLIPPED)
+        own = own - own.mean()
+        power += float(own @ own)
+        for lag in range(1, min(_LAGS, len(own) - 1) + 1):
+            sums[lag - 1] += float(own[lag:] @ own[:-lag])
+    weights = 1 - np.arange(1, _LAGS + 1) / (_LAGS + 1)
+    total = float(weights @ sums) / power if power else 0.0
+    return float(np.sqrt(max(1 + 2 * total, 0.0)))
 
 
 def _slope(off: Floats, length: Floats) -> float:

@@ -23,6 +23,7 @@ from ..scenario.scenario import Scenario, load
 from ..words.numbers import meters, rounded
 from . import windows
 from .playing import plane_of
+from .quality import resemblance
 from .windows import Window
 
 Arrangement = Literal["platform", "fixed", "buoys"]
@@ -84,6 +85,8 @@ class Settled:
         What is subtracted from all positions, because numbers near 0 are exact; NED [m].
     platform
         Reference point of a platform made up for fixed beacons, minus `origin`, NED [m], or None.
+    alike
+        `resemblance` of the residuals of ranges to fixed beacons, about straight lines.
     """
 
     log: Log
@@ -96,6 +99,7 @@ class Settled:
     window: Window | None
     origin: Floats
     platform: Floats | None
+    alike: float = 1.0
 
 
 def settled(
@@ -125,6 +129,7 @@ def settled(
     own = scenario is None and log.scenario is not None
     simulated = own and log.meta.start_ns is not None
     straight = None if simulated else _lines(log)
+    alike = _alike(log, straight) if straight is not None and arrangement == "fixed" else 1.0
     if straight is not None and straight.early.any():
         log = _without_early(log, straight)
     scatter = (straight.scatter if straight is not None else None) or 1.0
@@ -153,6 +158,7 @@ def settled(
         log, given, f"settings: {said}", arrangement, step_ns, simulated, slots,
         None if straight is None else straight.first, origin,
         _made_up(log, origin) if made_up else None,
+        alike,
     )
 
 
@@ -171,6 +177,16 @@ def _lines(log: Log) -> windows.Lines:
     order = np.lexsort((heard.beacon, heard.epoch_ns))
     depth = plane_of(log) if log.meta.dimension == 2 else None
     return windows.lines(log.samples(), heard.beacon_position[order], depth)
+
+
+def _alike(log: Log, straight: windows.Lines) -> float:
+    """Whether errors of ranges last, by their residuals about straight lines."""
+    heard = log.receptions
+    inside = np.isfinite(straight.residual) & ~straight.early
+    if straight.scatter is None or not inside.any():
+        return 1.0
+    beacon = heard.beacon[np.lexsort((heard.beacon, heard.epoch_ns))]
+    return resemblance(beacon[inside], straight.residual[inside] / straight.scatter)
 
 
 def _without_early(log: Log, straight: windows.Lines) -> Log:

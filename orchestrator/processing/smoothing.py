@@ -8,7 +8,6 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from sblcosim.models.declaration import number_of
 from sblcosim.models.receiver.variables import INITIALISATION
 
@@ -22,15 +21,12 @@ from ..scenario.wiring import applied
 from ..simulation.how import How
 from ..words.lists import listed
 from .playing import plane_of
+from .quality import resemblance
 from .running import Ran, placed, ran, start_of_truth
 from .settings import Settled
 
 SMOOTHER = "smoother"
 """Label of the smoother in tables and figures."""
-_LAGS = 40
-"""Number of residuals of a beacon that may resemble one."""
-_CLIPPED = 3.0
-"""Late ranges count like residuals of this size."""
 _WIDER = 1.25
 """Smaller factors are chance."""
 _FIRST_RECEPTIONS = number_of(INITIALISATION, "first_receptions")
@@ -95,29 +91,6 @@ def smoothed(ready: Settled, made: Ran) -> tuple[Estimates, Sequence[str], list[
             f"those of {label!r}"
         )
     return placed(own, made.played.start_ns, ready.origin), doubts, remarks
-
-
-def resemblance(beacon: NDArray[np.intp], residual: Floats) -> float:
-    """Factor of standard deviations, as residuals of a beacon are correlated in time.
-
-    It is the root of the residuals' spectrum at zero over their variance, with Bartlett's weights
-    (W. K. Newey, K. D. West, Econometrica 55, 1987).
-
-    Parameters
-    ----------
-    beacon, residual
-        Of each range, in the order of time; shape (m,).
-    """
-    power, sums = 0.0, np.zeros(_LAGS)
-    for one in np.unique(beacon):
-        own = np.clip(residual[beacon == one], -_CLIPPED, _CLIPPED)
-        own = own - own.mean()
-        power += float(own @ own)
-        for lag in range(1, min(_LAGS, len(own) - 1) + 1):
-            sums[lag - 1] += float(own[lag:] @ own[:-lag])
-    weights = 1 - np.arange(1, _LAGS + 1) / (_LAGS + 1)
-    total = float(weights @ sums) / power if power else 0.0
-    return float(np.sqrt(max(1 + 2 * total, 0.0)))
 
 
 def _samples(ready: Settled, made: Ran, in_field: bool) -> Samples:

@@ -21,7 +21,7 @@ from ..scenario.sources import Choice, choice_of
 from ..simulation.children.process import patient
 from ..simulation.how import How
 from ..words.lists import counted, listed
-from ..words.numbers import meters
+from ..words.numbers import meters, rounded
 from .align import aligned
 from .processed import Processed, manifest_of
 from .quality import std_of
@@ -33,6 +33,11 @@ _CARRIERS = {
     "fixed": "fixed beacons",
     "buoys": "beacons that move on their own, as below buoys",
 }
+_ALIKE = 3.0
+"""Resemblance of residuals from which claims are doubted. That of simulated dives is 2.8 at most:
+their errors are independent, but offsets of beacons make residuals alike, too."""
+_SAME = 100
+"""Number of equal readings of depth that no sensor gives."""
 
 
 @interruptible
@@ -197,7 +202,33 @@ def _remarks(ready: Settled, choice: Choice, made: Ran) -> list[str]:
             f"{len(ready.log.beacons)} beacons share the {ready.slots} places of the receivers, by "
             "latest use"
         )
-    return [*lines, *doubts_of(ready, choice)]
+    return [*lines, *_claims(ready), *doubts_of(ready, choice)]
+
+
+def _claims(ready: Settled) -> list[str]:
+    """What speaks against claimed errors before a receiver has run."""
+    if ready.newest:
+        return []
+    log, lines = ready.log, []
+    if ready.alike > _ALIKE:
+        lines.append(
+            "ranges: errors of a beacon resemble the ones before, but receivers expect independent "
+            f"ones: their claims may be too small, perhaps by a factor of {rounded(ready.alike, 2)}"
+        )
+    if log.meta.dimension == 2:
+        return lines
+    same = len(log.depth) >= _SAME and np.ptp(log.depth) == 0.0
+    if log.meta.depth_is == "truth":
+        lines.append("depth: made of the truth, so errors are those of a device with such a depth")
+    elif log.meta.depth_is == "none" or same:
+        why = "not measured" if log.meta.depth_is == "none" else (
+            f"all {len(log.depth):,} readings are the same, as if not measured"
+        )
+        lines.append(
+            f"depth: {why}: receivers take it as measured, so if it is wrong, their claims are too "
+            "small"
+        )
+    return lines
 
 
 def _of_devices(heard: Log) -> Processed:

@@ -13,7 +13,7 @@ import pytest
 import sblcosim
 from sblcosim.cli.common.app import app
 from sblcosim.logs.contents import LogContents
-from sblcosim.logs.figures import gaps, plot_log
+from sblcosim.logs.figures import gaps, marked, plot_log
 from sblcosim.logs.tables import BEACONS, FLAWS, SERIES
 from typer.testing import CliRunner
 
@@ -108,6 +108,34 @@ def test_no_panel_of_the_picture_is_empty(tmp_path: Path, name: str) -> None:
     rows = [text.get_text() for text in axes[0].get_yticklabels()]
     assert rows[: len(log.beacons)] == [*log.beacons]
     assert [it for it in rows if it.startswith("fixes")] == [f"fixes {it}" for it in log.fixes]
+
+
+def test_no_two_of_many_beacons_look_alike(tmp_path: Path) -> None:
+    turns = np.arange(35) * 2 * np.pi / 35
+    rows = [
+        f"{s}000000000,b{i},{50 + i},{60 * np.cos(turn)},{60 * np.sin(turn)},5"
+        for s in range(40) for i, turn in enumerate(turns)
+    ]
+    head = "time_ns,beacon,range_m,reported_n_m,reported_e_m,reported_d_m"
+    (tmp_path / "receptions.csv").write_text("\n".join([head, *rows]))
+    log = sblcosim.read_log(tmp_path)
+    timeline, ranges, *_ = plot_log(log)
+    keys = [it for it in timeline.lines if it.get_marker() != "|"]
+    assert len({(it.get_color(), it.get_marker()) for it in keys}) == len(log.beacons) == 35
+    assert len({it.get_marker() for it in keys[:6]}) == 6  # a few need no colour
+    marks = [it for it in ranges.lines if it.get_marker() != "."]
+    assert [(it.get_color(), it.get_marker()) for it in marks] == [
+        (it.get_color(), it.get_marker()) for it in keys
+    ]
+    assert all(len(it.get_xdata()) == 12 for it in marks)
+
+
+def test_marks_are_at_ranges_and_not_in_gaps() -> None:
+    at = np.r_[np.arange(30.0), np.arange(90.0, 121.0)][::-1]
+    times = np.sort(at[marked(at, 0.5, 120.0)])
+    assert times.tolist() == [5, 15, 25, 90, 95, 105, 115]
+    assert marked(np.empty(0), 0.5, 120.0).tolist() == []
+    assert marked(np.zeros(1), 0.1, 0.0).tolist() == [0]
 
 
 def test_a_name_with_a_formula_is_drawn_as_it_is(tmp_path: Path) -> None:

@@ -21,10 +21,9 @@ from sblcosim.models import RECEIVERS
 from sblcosim.processing import figures
 from sblcosim.processing.align import aligned, moved
 from sblcosim.processing.playing import played
-from sblcosim.processing.quality import described, row_of
+from sblcosim.processing.quality import described, resemblance, row_of
 from sblcosim.processing.running import ran
 from sblcosim.processing.settings import arrangement_of, settled, start_values
-from sblcosim.processing.smoothing import resemblance
 from sblcosim.words.numbers import minus
 from seams import Seam
 
@@ -713,6 +712,36 @@ def test_residuals_that_resemble_the_ones_before_make_claims_wider() -> None:
         slow[i] = 0.5 * slow[i - 1] + np.sqrt(0.75) * slow[i]
     # its spectrum at zero: (1 + 0.5) / (1 - 0.5), less what late lags take away
     assert resemblance(beacon, slow.ravel()) == pytest.approx(np.sqrt(3), rel=0.05)
+
+
+def test_claims_are_doubted_where_errors_of_ranges_last() -> None:
+    log = made(seconds=1200)
+    slow = np.zeros((300, 4))
+    random = np.random.default_rng(3)
+    for i in range(1, len(slow)):
+        slow[i] = 0.98 * slow[i - 1] + 0.1 * random.standard_normal(4)
+    doubts = [
+        [line for line in process(it).remarks if "resemble the ones before" in line]
+        for it in (log, changed(log, slice(None), slow.ravel()))
+    ]
+    assert not doubts[0]
+    (line,) = doubts[1]
+    assert line.startswith("ranges: ")
+    assert 3 < float(line.rpartition(" ")[2]) < 8
+
+
+@pytest.mark.parametrize(("depth_is", "same", "said"), [
+    ("sensor", False, None),
+    ("sensor", True, "depth: all 300 readings are the same, as if not measured"),
+    ("none", False, "depth: not measured"),
+    ("truth", True, "depth: made of the truth"),
+])  # fmt: skip
+def test_a_depth_that_no_sensor_gave_is_said(depth_is: str, same: bool, said: str | None) -> None:
+    log = made(meta={"depth_is": depth_is})
+    if same:
+        log = replace(log, depth=np.full(len(log.depth), 8.0))
+    lines = [line for line in process(log).remarks if line.startswith("depth: ")]
+    assert [line.startswith(str(said)) for line in lines] == [True] * (said is not None)
 
 
 def test_the_smoother_claims_more_where_errors_of_ranges_last() -> None:
