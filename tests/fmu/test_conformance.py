@@ -11,6 +11,7 @@ import subprocess
 import sys
 import zipfile
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -18,8 +19,10 @@ from sblcosim.cli import app
 from sblcosim.errors import FmuError
 from sblcosim.fmus.build import factory
 from sblcosim.fmus.conformance import kit
+from sblcosim.fmus.conformance.bench import REALS, STILL, stimulus
 from sblcosim.fmus.conformance.checks import CHECKS
 from sblcosim.fmus.conformance.kit import CheckResult, Report, examine
+from sblcosim.fmus.conformance.subject import SubjectVariable
 from sblcosim.fmus.host.instances import acquire
 from sblcosim.fmus.read.ports import read
 from sblcosim.models import COMPONENTS, RECEIVERS
@@ -44,6 +47,23 @@ def test_the_summary_counts_in_words_that_fit_the_number() -> None:
     assert one.summary == "x.fmu, FMI 2.0: 1 passed, 1 warning, 1 does not apply, 1 not run"
     two = outcomes(*("passed", "warning", "does not apply", "not run") * 2)
     assert two.summary == "x.fmu, FMI 2.0: 2 passed, 2 warnings, 2 do not apply, 2 not run"
+
+
+def test_inputs_differ_from_step_to_step_by_element_and_by_instance() -> None:
+    u = SubjectVariable("u", 1, "Float64", "input", "continuous", 2, (0.0, 50.0), None, None, "m",
+                        False, False)  # fmt: skip
+    subject: Any = SimpleNamespace(start=0.0, step=0.1, of=lambda _: [u])
+
+    def values(step: int, number: int = 0) -> list[float]:
+        [(_, given)] = stimulus(subject, REALS, step, number)
+        return given
+
+    rows = [values(step, number) for step in range(4) for number in range(2)]
+    for start, column in zip((0.0, 50.0), zip(*rows, strict=True), strict=True):
+        assert len(set(column)) == len(rows)
+        assert all(abs(value - start) <= max(0.1 * start, 1.0) for value in column)
+    assert all((b - 50) / 5 != a for a, b in rows)
+    assert [*stimulus(subject, STILL, 1)] == []
 
 
 def of(report: Report, *states: str) -> set[str]:

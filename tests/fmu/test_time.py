@@ -191,6 +191,15 @@ def test_interval_of_broken_nanoseconds_is_refused(name: str, fmi: int) -> None:
     instance.start({interval: 0.3})
 
 
+@BOTH
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_times_end_below_the_largest(fmi: int, sign: float) -> None:
+    instance = host("target", fmi)
+    assert refused(instance.start, {}, sign * 4e9) == ERROR
+    assert "must be finite and below 4e+09 s" in instance.messages[-1]
+    instance.start({}, sign * np.nextafter(4e9, 0))
+
+
 def shifted(name: str, inputs: Array | None, start: float) -> Array | None:
     """The inputs of a run that begins later: epochs move, the rest stays."""
     if inputs is None:

@@ -161,7 +161,7 @@ def test_a_round_spread_is_no_banana() -> None:
     np.testing.assert_allclose(more, 0, atol=1e-12)
 
 
-@pytest.mark.parametrize(("of_bearing", "of_heading"), [(0.03, 0.0), (0.0, 0.3), (0.02, 0.1)])
+@pytest.mark.parametrize(("of_bearing", "of_heading"), [(0.03, 0.0), (0.0, 0.3), (0.02, 0.1), (0.0, 2.0)])
 def test_a_bent_range_has_the_moments_of_the_range(of_bearing: float, of_heading: float) -> None:
     """Over bearing and heading, with a short arm; beyond the second order little is left."""
     rng = np.random.default_rng(4)
@@ -185,7 +185,7 @@ def test_a_bent_range_has_the_moments_of_the_range(of_bearing: float, of_heading
     x[:, 12] = heading
     ranges = surroundings.range_(np, p, x.T, flat, body).value
     S = H @ P @ H + float(number(bent.variance)[0])
-    assert number(bent.value)[0] == pytest.approx(ranges.mean(), abs=1e-3)
+    assert number(bent.value)[0] == pytest.approx(ranges.mean(), abs=3e-3)
     assert np.sqrt(S) == pytest.approx(ranges.std(), rel=0.05)
 
 

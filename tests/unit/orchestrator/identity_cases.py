@@ -507,6 +507,15 @@ SAME: dict[str, tuple[str | Files, tuple[str, str]]] = {
         ("    def f(self): return 1\n    def g(self): return 2",
          "    def g(self): return 2\n    def f(self): return 1"),
     ),
+    "order of a set's own attributes": (
+        "class A(frozenset): pass\nX = A([1])\nVALUE\ndef target(): return X\n",
+        ("X.a = 1; X.b = 2", "X.b = 2; X.a = 1"),
+    ),
+    "order in which a generic function got its cases": (
+        "import functools\n@functools.singledispatch\ndef target(x): return 0\nVALUE\n",
+        ("@target.register\ndef f(x: int): return 1\n@target.register\ndef g(x: str): return 2",
+         "@target.register\ndef g(x: str): return 2\n@target.register\ndef f(x: int): return 1"),
+    ),
     "package's function that holds the generator of all": (
         "from scipy.stats import norm\nfrom scipy import stats\nX = stats.uniform(0, 1)\nVALUE\n"
         "def target(): return norm.ppf(.9) + X.ppf(.1)\n", ("", "norm.rvs()"),

@@ -277,6 +277,13 @@ def test_the_percentile_is_that_of_the_weighted_errors_of_the_neighbours() -> No
         assert found[row * 7 + column] == pytest.approx(exact * scale[row * 7 + column], rel=0.01)
 
 
+def test_a_percentile_is_finer_than_the_bins_it_is_counted_in() -> None:
+    """Of lengths whose logarithms are even over 70 bins of 0.01, 66 and a half bins from below."""
+    lengths_ = np.exp(np.linspace(0, 0.7, 20_000).reshape(2000, 10))
+    found = pooling.pooled(sample_of(lengths_, 1, 2000), np.ones(1), (1, 1), 1, reach=0)
+    assert np.log(found.percentile[0]) == pytest.approx(0.95 * 0.7, abs=1e-4)
+
+
 def test_the_standard_error_is_that_of_new_runs_and_counts_a_run_once() -> None:
     """Twenty experiments with new draws, and runs whose ten errors are one and the same."""
     draw = np.random.default_rng(6)

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from dataclasses import replace
 from functools import partial
 from math import sqrt
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -120,6 +124,43 @@ def test_another_compiler_gives_the_same_bits(seam: Seam) -> None:
         for lanes in lanes_here():
             found = recursion.covariances(*a_case(seed), None, lanes)
             np.testing.assert_array_equal(found, expected[seed])
+
+
+SANITIZED = """
+from sblcosim.fmus.build import compiler
+checks = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+compiler.FLAGS = (*(f for f in compiler.FLAGS if f != "-O2"), "-O1", *checks)
+compiler.LINK_FLAGS = (*compiler.LINK_FLAGS, *checks)
+from test_bound import BEACONS, a_case, recursion
+beacons = set()
+for seed in range(12):
+    model, epochs, position, q = a_case(seed)
+    beacons.add((model.name, epochs.heard.shape[1]))
+    for lanes in (1, 2):
+        recursion.covariances(model, epochs, position, q, None, lanes)
+assert {("platform", BEACONS.most), ("field", BEACONS.most)} <= beacons, beacons
+print("clean")
+"""
+
+
+@pytest.mark.slow
+def test_it_touches_no_memory_that_is_not_its_own(tmp_path: Path) -> None:
+    """Under AddressSanitizer and UndefinedBehaviourSanitizer, with as many beacons as there are."""
+    asan = subprocess.run(
+        ["gcc", "-print-file-name=libasan.so"], capture_output=True, text=True, check=False
+    )
+    if asan.returncode:
+        pytest.skip("there is no gcc with AddressSanitizer")
+    done = subprocess.run(
+        [sys.executable, "-c", SANITIZED],
+        env=os.environ | {
+            "LD_PRELOAD": asan.stdout.strip(), "ASAN_OPTIONS": "detect_leaks=0",
+            "PYTHONMALLOC": "malloc", "SBLCOSIM_CACHE": str(tmp_path), "SBLCOSIM_CC": "gcc",
+            "PYTHONPATH": os.pathsep.join(sys.path),
+        },
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.stdout == "clean\n", done.stderr[-3000:]
 
 
 def test_what_is_too_much_is_refused() -> None:

@@ -523,6 +523,9 @@ def test_sources_of_nothing_are_named_in_one_line_of_the_figure() -> None:
     assert others.size
     assert all(found.label(name) in words for name in others)
     assert spoiled_texts(picture.figure) == []
+    for figure in (picture.figure, found.plot().figure):  # few rows and many are as high
+        low, high = figure.axes[0].transData.transform([(0, 0), (0, 1)])[:, 1] / figure.dpi
+        assert 0.3 < high - low < 0.5
 
 
 def test_sources_of_nothing_are_named_in_one_line_of_the_text() -> None:

@@ -14,7 +14,7 @@ from sblcosim.analysis.space.analysis import indices
 from sblcosim.analysis.space.jackknife import IndexEstimates
 from sblcosim.study.distributions import distribution_of
 from sblcosim.study.space import NEWEST, DrawnFactor, SampleVersion, sample
-from scipy import stats
+from scipy import optimize, special, stats
 
 Floats = NDArray[np.float64]
 CONFIDENCE = 0.95
@@ -222,3 +222,31 @@ def test_two_values_are_two_values_whatever_they_are(base: float) -> None:
     y = (space.values["x1"] + 0.3 * space.values["x2"] > 0.8).to_numpy(np.float64)
     found, other = (indices(space, values).indices for values in (y, base + 5 * y))
     assert np.abs(found - other).to_numpy().max() < 1e-6
+
+
+@pytest.mark.parametrize("counts", [(30, 5, 29), (5, 20, 39), (2, 3, 123), (100, 12, 16)])
+def test_an_interval_of_two_values_ends_where_the_likelihood_says(
+    counts: tuple[int, int, int],
+) -> None:
+    """Of pairs that are equal with probability ρ + (1 - ρ) (p² + q²), at the best p."""
+    both, either, none = counts
+    pairs = np.array([(1, 1)] * both + [(0, 1)] * either + [(0, 0)] * none, np.float64)
+
+    def height(rho: float) -> float:
+        def minus(p: float) -> float:
+            q = 1 - p
+            chances = rho * p + (1 - rho) * p**2, 2 * (1 - rho) * p * q, rho * q + (1 - rho) * q**2
+            return -float(sum(special.xlogy(counts, chances)))
+
+        best = optimize.minimize_scalar(
+            minus, bounds=(0, 1), method="bounded", options={"xatol": 1e-10}
+        )
+        return -float(best.fun)
+
+    found = two_values.correlation(pairs[:, :1], pairs[:, 1:], CONFIDENCE)
+    best, low, high = (float(at[0]) for at in (found.value, found.low, found.high))
+    deep = stats.t.ppf((1 + CONFIDENCE) / 2, len(pairs) - 1) ** 2 / 2
+    for end, limit in ((low, 0.0), (high, 1.0)):
+        if end != limit:
+            assert height(best) - height(end) == pytest.approx(deep, abs=1e-5)
+    assert low < best < high

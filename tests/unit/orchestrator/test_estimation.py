@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 import sblcosim
 import sblcosim.cli
@@ -344,3 +345,20 @@ def test_the_command_says_what_is_wrong_with_a_folder(
             (damaged / file.name).write_bytes(file.read_bytes())
         (damaged / name).write_text(text)
         assert why in lines(damaged, "--out", "out")
+
+
+@pytest.mark.parametrize(("change", "got"), [("drop", "epoch_ns"), ("add", "mood")])
+def test_estimates_made_after_a_run_must_have_the_columns_of_estimates(
+    cli: Callable[..., object], folder: Path, tmp_path: Path, change: str, got: str
+) -> None:
+    assert cli("smooth", folder, "--no-figures", "--out", "made").exit_code == 0
+    manifest = tmp_path / "made" / "manifest.json"
+    about = json.loads(manifest.read_text())
+    del about["hashes"], about["sha256"]  # as in a folder of an earlier version
+    manifest.write_text(json.dumps(about))
+    [file] = (tmp_path / "made").glob("estimates-*.parquet")
+    table = pd.read_parquet(file)
+    (table.drop(columns=got) if change == "drop" else table.assign(**{got: 1.0})).to_parquet(file)
+    done = cli("smooth", "made", "--no-figures", "--out", "again")
+    assert done.exit_code == 2
+    assert f"{file.name}: must be the record of a run, got {got}" in done.stderr

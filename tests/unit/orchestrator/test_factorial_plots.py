@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import io
+import re
 from itertools import combinations, product
 
 import numpy as np
@@ -71,6 +73,12 @@ def test_pareto_shows_lenth_s_margins_where_nothing_is_left_over():
     ax = plots.plot_pareto(analysis)
     assert analysis.lenth is not None
     assert [line.get_xdata()[0] for line in ax.lines] == [analysis.lenth.me, analysis.lenth.sme]
+    drawn = io.StringIO()
+    ax.figure.savefig(drawn, format="svg")
+    lines = [line for line in drawn.getvalue().splitlines() if "stroke-width: 1.2" in line]
+    assert len(lines) == 4, "the two margins, and their keys"
+    dashes = [re.search(r"stroke-dasharray: [\d.,]+", line) for line in lines]
+    assert len({found[0] for found in dashes if found}) == 2
     assert max(bar.get_width() for bar in ax.patches) == pytest.approx(
         analysis.effects["effect"].abs().max()
     )

@@ -624,6 +624,16 @@ def test_a_unit_of_another_quantity_is_refused_on_the_way(stranger2: Path, tmp_p
     )  # fmt: skip
     with pytest.raises(ConfigurationError, match=r"both units must be defined, got 'mile' and 'm'"):
         sblcosim.run(path)
+    nested = inner("s", component("b"), link(".i", "b.u[1]"), connectors("i input mile"))
+    path = package(tmp_path, stranger2, component("a") + nested, link("a.now", "s.i"))
+    with pytest.raises(ConfigurationError, match=r"units must be defined, got 'km' and 'mile'"):
+        sblcosim.run(path)
+    path = package(
+        tmp_path, stranger2, component("a", connectors("now output s")) + component("b"),
+        link("a.now", "b.u[1]"),
+    )  # fmt: skip
+    with pytest.raises(ConfigurationError, match=r"a\.now -> b\.u\[1\]: must have .* 's' and 'm'"):
+        sblcosim.run(path)
 
 
 @pytest.mark.parametrize("master", ["native", "python"])

@@ -10,6 +10,8 @@ import pytest
 import sblcosim
 from sblcosim.data.record import Record
 from sblcosim.errors import ConfigurationError, FmuError
+from sblcosim.fmus.build import factory
+from sblcosim.fmus.read.ports import read
 from sblcosim.scenario.wiring import connect
 from sblcosim.simulation.execution import execute
 from sblcosim.simulation.masters import python
@@ -143,3 +145,12 @@ def test_a_parameter_that_lanes_must_share_is_named() -> None:
         replay(target.source.path, [10**9], {}, {"trajectory": [1, 2], "sampling_time": [1.0]},
                10**9, record=["position"], lanes=2)
     assert one.interval_ns > 0
+
+
+def test_inputs_that_are_not_given_keep_their_start_values() -> None:
+    fmu, position = factory.build("range_model", 2), np.array([[3.0, 4.0, 0.5], [0.0, 7.0, 0.5]])
+    ticks = np.array([10**8, 2 * 10**8])
+    found = replay(fmu, ticks, {"position": position}, {}, 10**8, record=["range"])["range"]
+    beacons = np.reshape(read(fmu).ports["beacon_position"].start, (-1, 3))
+    expected = np.linalg.norm(position[:, None] - beacons, axis=2)
+    np.testing.assert_allclose(found[0], expected, rtol=1e-12)

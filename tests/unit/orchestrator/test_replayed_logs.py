@@ -85,6 +85,18 @@ def test_a_gap_of_hours_has_no_ticks() -> None:
     assert (np.diff(given.time_ns) > GAP_NS).sum() == 1
 
 
+def test_of_a_gap_only_the_lag_of_a_receiver_has_ticks(seam: Seam) -> None:
+    real, counts = replay.replay, []
+
+    def counted(path: Path, ticks: Any, *given: Any, **options: Any) -> Any:
+        counts.append(len(ticks))
+        return real(path, ticks, *given, **options)
+
+    seam.instead(real, counted)
+    process(with_gap(60, 560, 620), ["fixed_lag"], interval_s=0.5)
+    assert 120 / 0.5 < counts[0] < 180 / 0.5  # of 620 s
+
+
 def test_beside_a_receiver_in_python_ours_give_the_same(tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text(IN_PYTHON)
     log = made(seconds=100)

@@ -14,8 +14,9 @@ import sblcosim
 from pyarrow import parquet
 from sblcosim.errors import BuildError, ConfigurationError, ConfigurationWarning, FmuError
 from sblcosim.results.sums import SUMS
+from sblcosim.simulation.how import How
 from sblcosim.simulation.masters import lanes, lanes_layout, native
-from sblcosim.study import again, batch, campaign, definition, executors, study
+from sblcosim.study import again, batch, campaign, definition, executors, runner, study
 from seams import Seam
 
 ARM = {"keys": ["platform.arm_length_m"], "levels": [0.4, 3.0]}
@@ -603,6 +604,10 @@ def test_progress_goes_from_nothing_to_all(tmp_path: Path) -> None:
     assert shares[-1] == 1.0
     assert all(0.0 <= share <= 1.0 for share in shares)
     small().run(tmp_path / "out", progress=shares.append)  # nothing is missing
+    assert shares[-1] == 1.0
+    shares.clear()
+    runner.simulated(small(replicates=2), How(progress=shares.append))  # without a folder
+    assert shares == sorted(shares)
     assert shares[-1] == 1.0
 
 

@@ -82,6 +82,8 @@ def test_both_legs_are_lost_and_late() -> None:
     late = one.assumptions()["outlier_probability"]
     assert late == pytest.approx(0.3 / 0.9)
     assert two.assumptions()["outlier_probability"] == pytest.approx(1 - (1 - late) ** 2)
+    wild = asked(**ECHOES, outlier_probability=0.2, outlier_mean_m=3.0)
+    assert wild.assumptions()["outlier_probability"] == pytest.approx(1 - 0.8 * (1 - late) ** 2)
 
 
 def test_information_of_late_two_way_ranges_is_that_of_their_density() -> None:

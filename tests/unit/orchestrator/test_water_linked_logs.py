@@ -137,6 +137,19 @@ def test_the_pose_of_the_topside_unit_places_everything_on_earth(tmp_path: Path)
     }
 
 
+def test_a_first_position_of_the_topside_unit_far_from_the_others_is_no_origin(
+    tmp_path: Path,
+) -> None:
+    places = [(10.0, 5.0), (60.0, 5.0), (60.00001, 5.0), (60.00002, 5.0)]
+    log = _read(tmp_path, [
+        _poll(0, "config/receivers", RECEIVERS),
+        *(_poll(1 + n, "position/master", {"lat": lat, "lon": lon, "orientation": 0})
+          for n, (lat, lon) in enumerate(places)),
+        _acoustic(3.5, 5.0, 6.0, 7.0),
+    ])  # fmt: skip
+    assert log.meta.place == Origin(60.0, 5.0)
+
+
 def test_filtered_ranges_count_only_without_raw_ones(tmp_path: Path) -> None:
     setup = _poll(0, "config/receivers", RECEIVERS)
     filtered = _acoustic(1, 1.0, 2.0, 3.0, path="filtered")
