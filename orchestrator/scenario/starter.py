@@ -117,7 +117,7 @@ def _without_idle(scenario: Scenario, asked: Collection[str]) -> Scenario:
     """The scenario without the given keys that have no effect, except those that are asked for."""
     given = {*effects.given(scenario)}
     idle = [".".join(key) for key in scenario.idle() if key in given]
-    return scenario.override({key: None for key in idle if key not in asked})
+    return scenario.override({key: None for key in idle if key not in asked}.items())
 
 
 def _in_use(scenario: Scenario, asked: Collection[str]) -> Tables:

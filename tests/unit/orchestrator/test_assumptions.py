@@ -18,6 +18,7 @@ from sblcosim.limits import echoes
 from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.receiver.receivers.coupled import COMPONENT as COUPLED
 from sblcosim.models.receiver.receivers.long_baseline import COMPONENT as LONG_BASELINE
+from sblcosim.models.settings import paths
 from sblcosim.models.settings.assumptions import SOURCES, rounding
 from sblcosim.models.target.variables import TRAJECTORIES
 from sblcosim.scenario.scenario import load, shipped
@@ -285,6 +286,7 @@ def test_echoes_on_a_path_that_is_not_known_have_no_known_excess() -> None:
     assert "outlier_mean_m" not in load(foreign, told).assumptions()
     outliers = {"acoustics.outlier_probability": 0.1, "acoustics.outlier_mean_m": 3.0}
     assert load(foreign, {**told, **outliers}).assumptions()["outlier_mean_m"] == 3.0
+    assert paths.sketch(SimpleNamespace(trajectory="zigzag")) == []  # one of somebody else's
 
 
 @pytest.mark.parametrize("name", shipped())
