@@ -27,7 +27,7 @@ _MOST_PAIRS = 400
 _CLIPPED = 3.0
 """Late ranges count like residuals of this size, in standard deviations."""
 _LAGS = 40
-"""Number of residuals of a beacon that may resemble one."""
+"""Number of lags over which residuals of a beacon may be correlated."""
 
 
 def known(truth: Truth, estimates: Estimates) -> Flags:
@@ -206,7 +206,7 @@ def described(off: Floats, length: Floats | None) -> dict[str, Any]:
 
 
 def resemblance(beacon: NDArray[np.intp], residual: Floats) -> float:
-    """Factor of standard deviations, as residuals of a beacon resemble the ones before.
+    """Factor of standard deviations, as residuals of a beacon are correlated in time.
 
     It is the root of the residuals' spectrum at zero over their variance, with Bartlett's weights
     (W. K. Newey, K. D. West, Econometrica 55, 1987).

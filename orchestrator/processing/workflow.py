@@ -212,7 +212,7 @@ def _claims(ready: Settled) -> list[str]:
     log, lines = ready.log, []
     if ready.alike > _ALIKE:
         lines.append(
-            "ranges: errors of a beacon resemble the ones before, but receivers expect independent "
+            "ranges: errors of a beacon are correlated in time, but receivers expect independent "
             f"ones: their claims may be too small, perhaps by a factor of {rounded(ready.alike, 2)}"
         )
     if log.meta.dimension == 2:
