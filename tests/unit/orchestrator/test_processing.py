@@ -793,3 +793,12 @@ def test_the_axis_of_residuals_holds_zero_and_nearly_all_of_them() -> None:
     low, high = ax.get_ylim()
     assert low < 0 < high < 40
     assert "1 of" in ax.get_title(loc="left") or "1 of" in ax.figure.texts[0].get_text()
+
+
+def test_the_truth_of_a_log_is_a_path_and_its_errors_are_drawn_over_the_whole_log() -> None:
+    log = made(seconds=120)
+    done = process(log)
+    for ax in figures.plot_errors(log, done.tracks):
+        assert ax.get_xlim() == pytest.approx((-1.2, 121.2), abs=1.1)
+    names = [path.name for path in done.paths]
+    assert names == ["truth", *done.made]
