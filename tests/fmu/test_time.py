@@ -200,6 +200,25 @@ def test_times_end_below_the_largest(fmi: int, sign: float) -> None:
     instance.start({}, sign * np.nextafter(4e9, 0))
 
 
+@BOTH
+@pytest.mark.parametrize(("point", "size"), [(np.inf, T), (0.0, np.nan), (4e9, T)])
+def test_a_step_without_a_time_is_an_error(fmi: int, point: float, size: float) -> None:
+    instance = host("target", fmi).start()
+    assert refused(instance.step, point, size) == ERROR
+    assert "doStep: the communication point and its step must be finite" in instance.messages[-1]
+
+
+@BOTH
+def test_a_refused_value_is_told_with_its_bounds_if_it_has_any(fmi: int) -> None:
+    instance = host("target", fmi).start()
+    for values, told in (
+        ({"center": [np.nan, 0.0]}, "center[1] must be finite, got nan"),
+        ({"speed": -1.0}, "speed (0 to "),
+    ):
+        assert refused(instance.start, values) == ERROR
+        assert told in instance.messages[-1]
+
+
 def shifted(name: str, inputs: Array | None, start: float) -> Array | None:
     """The inputs of a run that begins later: epochs move, the rest stays."""
     if inputs is None:

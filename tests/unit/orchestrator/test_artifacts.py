@@ -123,6 +123,15 @@ def test_a_column_of_texts_and_numbers_is_written_as_texts(tmp_path):
     pd.testing.assert_series_equal(back["mean"], table["mean"])
 
 
+def test_a_column_of_one_kind_of_values_keeps_it_where_some_are_missing(tmp_path):
+    table = pd.DataFrame({"flag": pd.Series([True, None, False], dtype=object),
+                          "count": pd.Series([1, None, 3], dtype=object)})
+    artifacts.write_table(table, tmp_path, "kinds")
+    back = pd.read_parquet(tmp_path / "kinds.parquet")
+    assert back["flag"].tolist() == [True, None, False]
+    assert back["count"].dropna().tolist() == [1, 3]
+
+
 def test_plain_data_is_what_json_knows():
     value = {"a": np.float64(1.5), 2: (np.int64(3), np.nan), "b": np.bool_(True),
              "c": {"d": np.inf, "e": np.array([1, 2])}, "f": None, "g": "word"}

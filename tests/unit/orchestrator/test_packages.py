@@ -1183,6 +1183,9 @@ def test_a_package_is_drawn_as_a_picture(stranger2: Path, tmp_path: Path) -> Non
     (look,) = root.iter(f"{space}style")
     assert "prefers-color-scheme:dark" in str(look.text)
     width, height = (float(root.get(side, "")) for side in ("width", "height"))
+    for element in root.iter():
+        low = float(element.get("y", "0")) + float(element.get("height", "0"))
+        assert element is root or 0 <= low <= height
     ways = " ".join(str(way.get("d")) for way in root.iter(f"{space}path"))
     numbers = re.findall(r"[-\d.]+", ways)
     assert len(numbers) > 2 * len(said[1:])  # a connection has two ends at least

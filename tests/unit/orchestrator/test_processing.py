@@ -18,7 +18,7 @@ from sblcosim.data.estimates import Estimates
 from sblcosim.data.truth import Truth
 from sblcosim.logs.log import Log
 from sblcosim.models import RECEIVERS
-from sblcosim.processing import figures
+from sblcosim.processing import figures, quality
 from sblcosim.processing.align import aligned, moved
 from sblcosim.processing.playing import played
 from sblcosim.processing.quality import described, resemblance, row_of
@@ -414,6 +414,14 @@ def test_estimates_in_gaps_of_the_truth_are_not_judged() -> None:
     gappy = Truth(time_ns=log.truth.time_ns[known], position=log.truth.position[known])
     row = process(replace(log, truth=gappy)).receivers.loc["long_baseline"]
     assert row.estimates - row.judged == pytest.approx(100, abs=3)
+
+
+def test_a_truth_is_known_between_points_of_at_most_10_s() -> None:
+    second = 10**9
+    truth = Truth(time_ns=np.array([0, 10, 25]) * second, position=np.zeros((3, 3)))
+    epochs = np.array([-1, 0, 5, 10, 17, 25, 26]) * second
+    found = quality.known(truth, Estimates(epoch_ns=epochs, position=np.zeros((7, 3))))
+    assert found.tolist() == [False, True, True, True, False, True, False]
 
 
 def test_too_few_estimates_align_nothing() -> None:
@@ -822,3 +830,12 @@ def test_the_axis_of_residuals_holds_zero_and_nearly_all_of_them() -> None:
     low, high = ax.get_ylim()
     assert low < 0 < high < 40
     assert "1 of" in ax.get_title(loc="left") or "1 of" in ax.figure.texts[0].get_text()
+
+
+def test_the_truth_of_a_log_is_a_path_and_its_errors_are_drawn_over_the_whole_log() -> None:
+    log = made(seconds=120)
+    done = process(log)
+    for ax in figures.plot_errors(log, done.tracks):
+        assert ax.get_xlim() == pytest.approx((-1.2, 121.2), abs=1.1)
+    names = [path.name for path in done.paths]
+    assert names == ["truth", *done.made]

@@ -784,6 +784,13 @@ def test_columns_of_percentages_are_said_to_be_order_statistics(verbose: bool, l
     assert said.count(LOST) == (verbose or lost)
 
 
+@pytest.mark.parametrize(("factor", "told"), [(0.25, "optimistic ×4"), (3.0, "pessimistic ×3")])
+def test_a_wrong_covariance_is_told_with_its_factor(factor: float, told: str) -> None:
+    it = evaluate({"x": runs_of({"a": noise(1, 1.0), "b": noise(2, 1.0)})}, SETTINGS)
+    levels = it.levels.assign(nees_runs=RUNS, covariance=told.split()[0], covariance_factor=factor)
+    assert replace(it, levels=levels).text(verbose=True).count(told) == 2
+
+
 # The same under two names ------------------------------------------------------------------------
 
 
