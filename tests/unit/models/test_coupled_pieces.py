@@ -161,7 +161,9 @@ def test_a_round_spread_is_no_banana() -> None:
     np.testing.assert_allclose(more, 0, atol=1e-12)
 
 
-@pytest.mark.parametrize(("of_bearing", "of_heading"), [(0.03, 0.0), (0.0, 0.3), (0.02, 0.1), (0.0, 2.0)])
+@pytest.mark.parametrize(
+    ("of_bearing", "of_heading"), [(0.03, 0.0), (0.0, 0.3), (0.02, 0.1), (0.0, 2.0)]
+)
 def test_a_bent_range_has_the_moments_of_the_range(of_bearing: float, of_heading: float) -> None:
     """Over bearing and heading, with a short arm; beyond the second order little is left."""
     rng = np.random.default_rng(4)
