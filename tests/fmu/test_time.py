@@ -178,6 +178,18 @@ def test_accumulated_time_has_no_tick_inside_a_step() -> None:
 
 
 @BOTH
+def test_steps_of_no_length_do_not_creep_backwards(fmi: int) -> None:
+    """Each may begin a nanosecond before the end of the last one that got on, and no earlier."""
+    instance = host("target", fmi).start()
+    end, nothing = T - 1e-8, 1e-12  # so near to the tick that the step ends there
+    instance.step(0.0, end)
+    for _ in range(3):
+        instance.step(end - 1e-9, nothing)
+    assert refused(instance.step, end - 2e-9, nothing) == ERROR
+    instance.step(end, T)
+
+
+@BOTH
 @pytest.mark.parametrize("name", [n for n, c in COMPONENTS.items() if c.interval])
 def test_interval_of_broken_nanoseconds_is_refused(name: str, fmi: int) -> None:
     instance = host(name, fmi)

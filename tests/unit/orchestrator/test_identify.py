@@ -404,6 +404,17 @@ def test_offsets_that_walk_are_told_and_then_count_as_noise(walk: float) -> None
         assert device.white_std > np.hypot(0.1, walk * np.sqrt(300 / 6) / 2)
 
 
+def test_intervals_are_wider_where_residuals_resemble_the_ones_before() -> None:
+    samples, number = heard(), np.arange(300)
+    waves = 0.3 * np.sin(2 * np.pi * (number // 4) / 8 + samples.beacon)
+    device = device_of(replace(samples, range=samples.range + waves))
+    assert device.wider > 1.3
+    row = next(n for n in device.numbers if n.parameter == "range_std")
+    sd = device.motion.coordinate("range_std")[1]
+    width = 2 * stats.norm.ppf(0.975) * sd * device.wider
+    assert np.log(row.high / row.low) == pytest.approx(width, rel=1e-3)
+
+
 def test_scale_and_offset_are_not_told_where_distances_are_alike() -> None:
     device = device_of(heard(), known=Assumed(sound_speed=1e6))
     it = {n.parameter: n for n in device.numbers}

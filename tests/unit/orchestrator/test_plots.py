@@ -520,6 +520,17 @@ def test_the_box_in_space_fills_the_figure(depth):
     assert (high[1] - low[1]) / legend.y0 > 2 / 3
 
 
+def test_the_title_in_space_is_as_far_from_the_top_whatever_the_height():
+    found = []
+    for depth in (0.0, 5.0, 40.0):
+        path = np.linspace(0, 1, 101)[:, None] * [30.0, 20.0, depth]
+        figure = plots.plot_path_3d(with_path(path), {}).figure
+        words = figure.get_suptitle()
+        (title,) = (text for text in figure.findobj(Text) if text.get_text() == words)
+        found.append((figure.bbox.height - title.get_window_extent().y1) / figure.dpi)
+    assert found == pytest.approx([found[0]] * 3, abs=1e-6)
+
+
 def test_dots_are_one_element_of_an_svg_and_are_seen_in_both_files(run, tmp_path):
     record, tracks = run
     ax = plots.plot_path(record, {"raw": tracks["raw"]})

@@ -611,6 +611,13 @@ def test_progress_goes_from_nothing_to_all(tmp_path: Path) -> None:
     assert shares[-1] == 1.0
 
 
+def test_runs_of_some_steps_are_kept_together(seam: Seam) -> None:
+    seam.tuned(kept_steps=1000)
+    made = campaign.prepare(small())  # the longest runs have 50 steps
+    assert runner.kept_together(made, How(workers=1)) == 20
+    assert runner.kept_together(made, How(workers=4)) == 4 * runner.SIDE_BY_SIDE
+
+
 def test_a_single_study_is_the_scenario_again_and_again(tmp_path: Path) -> None:
     alone = study.load(
         {"scenario": "paper-scenario-1", "fixed": {"time": {"duration_s": 5.0}},
