@@ -26,8 +26,8 @@ _MOST_PAIRS = 400
 """Number of residuals for a slope, which takes all pairs."""
 _CLIPPED = 3.0
 """Late ranges count like residuals of this size, in standard deviations."""
-_LAGS = 40
-"""Number of lags over which residuals of a beacon may be correlated."""
+_LAGS, _LAG_POWER = 40, 2 / 3
+"""Lags over which residuals of a beacon may be correlated: at least, and by the number of all."""
 
 
 def known(truth: Truth, estimates: Estimates) -> Flags:
@@ -216,14 +216,16 @@ def resemblance(beacon: NDArray[np.intp], residual: Floats) -> float:
     beacon, residual
         Of each range, in the order of time; shape (m,).
     """
-    power, sums = 0.0, np.zeros(_LAGS)
-    for one in np.unique(beacon):
+    beacons = np.unique(beacon)
+    most = max(_LAGS, int((len(beacon) / max(len(beacons), 1)) ** _LAG_POWER))
+    power, sums = 0.0, np.zeros(most)
+    for one in beacons:
         own = np.clip(residual[beacon == one], -_CLIPPED, _CLIPPED)
         own = own - own.mean()
         power += float(own @ own)
-        for lag in range(1, min(_LAGS, len(own) - 1) + 1):
+        for lag in range(1, min(most, len(own) - 1) + 1):
             sums[lag - 1] += float(own[lag:] @ own[:-lag])
-    weights = 1 - np.arange(1, _LAGS + 1) / (_LAGS + 1)
+    weights = 1 - np.arange(1, most + 1) / (most + 1)
     total = float(weights @ sums) / power if power else 0.0
     return float(np.sqrt(max(1 + 2 * total, 0.0)))
 

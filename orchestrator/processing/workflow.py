@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from math import hypot
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from sblcosim.fmus.host.nanoseconds import SECOND
 from sblcosim.fmus.stopping import interruptible
 from sblcosim.models import RECEIVERS
 
-from ..data.estimates import Estimates
+from ..data.estimates import Estimates, Integers
 from ..logs.log import Log
 from ..logs.read import read_log
 from ..scenario.files import naming_files
@@ -26,7 +28,7 @@ from .align import aligned
 from .processed import Processed, manifest_of
 from .quality import std_of
 from .running import Ran, doubts_of, ran
-from .settings import Settled, settled
+from .settings import Settled, drift_of, settled
 
 _CARRIERS = {
     "platform": "beacons on one platform, whose pose the packets report",
@@ -36,6 +38,13 @@ _CARRIERS = {
 _ALIKE = 3.0
 """Resemblance of residuals from which claims are doubted. That of simulated dives is 2.8 at most:
 their errors are independent, but offsets of beacons make residuals alike, too."""
+_SPREAD = 2.0
+"""Spread of a platform's reported positions over what its settings explain, from which it is
+told."""
+_SILENCE_S, _SILENCES = 10.0, 10.0
+"""Time without any range [s], and over the usual one between ranges, that makes a silence."""
+_ENOUGH = 3
+"""Number of beacons that give a position again."""
 _SAME = 100
 """Number of equal readings of depth that no sensor gives."""
 
@@ -146,21 +155,58 @@ def process(
 def _that_know(
     log: Log, estimates: Mapping[str, Estimates]
 ) -> tuple[dict[str, Estimates], list[str]]:
-    """Estimates without those that know less than the longest range says by itself, and remarks.
+    """Estimates without those that know next to nothing, and remarks.
 
-    A receiver that has lost the device and starts again may claim kilometres for some ranges.
+    These are estimates in silences, from depths and one or two beacons alone, and those that claim
+    to know less than the longest range says by itself, as after a restart with few ranges.
     """
+    silences, limit_s = _silences(log)
     longest, kept, remarks = float(log.receptions.range.max()), {}, []
     for label, own in estimates.items():
+        after = np.searchsorted(silences[:, 0], own.epoch_ns)
+        until = np.append(-(2**63), silences[:, 1])[after]
+        alone = own.epoch_ns < until
         std = std_of(own)
         vague = np.zeros(len(own), bool) if std is None else np.hypot(*std[:, :2].T) > longest
-        kept[label] = own.chosen(~vague) if vague.any() else own
-        if vague.any():
+        left = alone | vague
+        kept[label] = own.chosen(~left) if left.any() else own
+        if alone.any():
             remarks.append(
-                f"{label}: {counted(int(vague.sum()), 'estimate')} left out, whose claimed "
-                f"deviation is above {meters(longest)}, the longest range"
+                f"{label}: {counted(int(alone.sum()), 'estimate')} left out, more than "
+                f"{rounded(limit_s, 2)} s after the last range, and before {_ENOUGH} beacons were "
+                "heard again"
+            )
+        if (vague & ~alone).any():
+            remarks.append(
+                f"{label}: {counted(int((vague & ~alone).sum()), 'estimate')} left out, whose "
+                f"claimed deviation is above {meters(longest)}, the longest range"
             )
     return kept, remarks
+
+
+def _silences(log: Log) -> tuple[Integers, float]:
+    """Begin and end of the silences [ns], (n, 2), and how long no range makes one [s].
+
+    A silence begins when no range has come for so long, and ends when three beacons have been heard
+    again. The last one may have no end.
+    """
+    heard = log.receptions
+    order = np.argsort(heard.epoch_ns, kind="stable")
+    time, beacon = heard.epoch_ns[order], heard.beacon[order]
+    steps = np.diff(np.unique(time))
+    usual = float(np.median(steps)) if len(steps) else 0.0
+    limit = round(max(_SILENCE_S * SECOND, _SILENCES * usual))
+    rows = []
+    for last in np.flatnonzero(np.diff(time, append=2**62) > limit):
+        different: set[int] = set()
+        end = 2**62
+        for at in range(int(last) + 1, len(time)):
+            different.add(int(beacon[at]))
+            if len(different) == _ENOUGH:
+                end = int(time[at])
+                break
+        rows.append((int(time[last]) + limit, end))
+    return np.array(rows, np.int64).reshape(-1, 2), limit / SECOND
 
 
 def _without_raw(estimates: Mapping[str, Estimates]) -> dict[str, Estimates]:
@@ -210,6 +256,20 @@ def _claims(ready: Settled) -> list[str]:
     if ready.newest:
         return []
     log, lines = ready.log, []
+    platform = ready.scenario.platform
+    if ready.arrangement == "platform" and not platform.watch_circle_m:
+        spread = drift_of(log)
+        errors = hypot(
+            platform.gps_horizontal_std_m, platform.gps_horizontal_markov_std_m,
+            platform.gps_horizontal_bias_std_m, platform.surge_amplitude_m,
+            platform.sway_amplitude_m,
+        )
+        if spread > _SPREAD * max(errors, 1.0):
+            lines.append(
+                f"platform: 95 % of its reported positions spread over {meters(spread)}, but in "
+                "the settings it stays at its place, so receivers take that for errors of its GPS: "
+                "set platform.motion = \"spectrum\" and platform.watch_circle_m"
+            )
     if ready.alike > _ALIKE:
         lines.append(
             "ranges: errors of a beacon are correlated in time, but receivers expect independent "

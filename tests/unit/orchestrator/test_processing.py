@@ -299,6 +299,22 @@ def bare(folder: Path, scenario: str, **keys: Any) -> Log:
         update={"start_ns": None, "stop_ns": None}))  # fmt: skip
 
 
+def sailing(log: Log, speed: float) -> Log:
+    """A log in which boat and diver sail to the north-east as well [m/s]."""
+    assert log.truth is not None
+    heard, truth = log.receptions, log.truth
+
+    def gone(time_ns: Any) -> Any:
+        return np.outer((time_ns - log.start_ns) / 1e9, [0.8 * speed, 0.6 * speed, 0.0])
+
+    moved_on = replace(
+        heard, beacon_position=heard.beacon_position + gone(heard.epoch_ns),
+        platform_position=heard.platform_position + gone(heard.epoch_ns),
+    )
+    there = replace(truth, position=truth.position + gone(truth.time_ns))
+    return replace(log, receptions=moved_on, truth=there)
+
+
 @pytest.mark.parametrize("beacons", few([4, 6], quick=[4]))
 def test_arms_of_a_platform_come_from_its_packets(beacons: int, tmp_path: Path) -> None:
     log = bare(tmp_path / "run", "realistic-dive", **{"platform.beacons": beacons})
@@ -314,6 +330,43 @@ def test_arms_of_a_platform_come_from_its_packets(beacons: int, tmp_path: Path) 
     )
     told = process(replace(log, meta=stated)).scenario.platform.beacon_m
     assert tuple(told[:6]) == (1.0, 0.0, 0.5, 1.0, 1.0, 0.5)
+
+
+@pytest.mark.parametrize("speed", [0.0, 0.05, 0.8])
+def test_a_boat_that_drifts_or_sails_is_no_error_of_its_gps(speed: float, tmp_path: Path) -> None:
+    log = bare(tmp_path / "run", "realistic-dive", **{"time.duration_s": 300.0})
+    log = sailing(log, speed)
+    processed = process(log)
+    assert processed.scenario.platform.watch_circle_m >= 120.0 * speed
+    assert processed.receivers.horizontal_rms_m["coupled"] < 4.0
+    assert processed.receivers.claimed_over_made["coupled"] > 0.5
+
+
+def test_settings_that_leave_a_sailing_boat_at_its_place_are_doubted(tmp_path: Path) -> None:
+    log = bare(tmp_path / "run", "realistic-dive")
+    told = [
+        [line for line in process(sailing(log, speed), scenario="realistic-dive").remarks
+         if line.startswith("platform: ")] for speed in (0.0, 0.8)
+    ]
+    assert not told[0]
+    (line,) = told[1]
+    assert "platform.watch_circle_m" in line
+
+
+def test_estimates_in_silences_are_left_out_and_said() -> None:
+    log = made()
+    heard = log.receptions
+    kept = (heard.epoch_ns < 100e9) | ((heard.epoch_ns > 200e9) & (heard.epoch_ns < 280e9))
+    processed = process(replace(log, receptions=heard.chosen(kept)))
+    time_s = np.sort(processed.made["long_baseline"].epoch_ns) / 1e9
+    last, first, before_the_end = 99, 203, 279
+    ends = [last + 10, before_the_end + 10]
+    assert not ((time_s > ends[0] + 0.1) & (time_s < first)).any()
+    assert {ends[0] - 1, first, ends[1] - 1} <= {*time_s.round().tolist()}
+    assert time_s[-1] <= ends[1] + 0.1
+    (line,) = (it for it in processed.remarks if it.startswith("long_baseline: "))
+    assert line.endswith(" estimates left out, more than 10 s after the last range, and before 3 "
+                         "beacons were heard again")
 
 
 def test_the_device_of_a_platform_is_identified_without_its_scenario(tmp_path: Path) -> None:
