@@ -1,6 +1,6 @@
 """The conditions of a scenario in words, as a data sheet and a map name them.
 
-They are the sea, the GPS, the heading, the survey, and what happens to ranges.
+They are the sea, the GPS, the heading, the beacons, what happens to ranges, and what is exact.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from sblcosim.models.acoustics.ranging import legs
+from sblcosim.models.acoustics.schedules import SCHEDULES
 from sblcosim.models.settings.presets import preset
 
 from ..words.lists import listed
@@ -32,29 +33,32 @@ _SIGMA = "1σ per axis"
 
 
 def conditions(scenario: Scenario) -> list[str]:
-    """The platform's sea, GPS, heading and survey; noise, loss and outliers of ranges; the sound.
+    """Sea, GPS, heading, beacons and pings; errors of ranges and of the clock; what is exact.
 
     A sea state or a grade is named only where all keys that it sets have its values. Otherwise the
     sizes are given. Of another FMU, only the name is known.
     """
     platform, acoustics = scenario.platform, scenario.acoustics
     parts: list[Iterator[str]] = [sea(platform), gps(platform), _heading(platform),
-                                  _survey(platform)]  # fmt: skip
+                                  _beacons(platform), _survey(platform)]  # fmt: skip
     if platform.fmu is not None:
         parts = [_named("platform", platform)]
-    parts.append(_ranges(acoustics) if acoustics.fmu is None else _named("acoustics", acoustics))
-    return [words for part in parts for words in part]
+    if acoustics.fmu is None:
+        parts += [_pings(acoustics, platform.beacons), _ranges(acoustics), _clock(acoustics)]
+    else:
+        parts.append(_named("acoustics", acoustics))
+    return [words for part in (*parts, _exact(platform, acoustics)) for words in part]
 
 
 def _named(component: str, table: Any) -> Iterator[str]:
     yield f"{component} of {Path(table.fmu).name}"
 
 
-def _holds(platform: Any, name: str, but: str = "none") -> bool:
+def _holds(table: Any, name: str, but: str = "none") -> bool:
     """Whether a preset is given, and all keys that it sets have its values, but for some."""
-    value = getattr(platform, name)
+    value = getattr(table, name)
     return value is not None and all(
-        isclose(getattr(platform, key), it, rel_tol=1e-9, abs_tol=1e-12)
+        isclose(getattr(table, key), it, rel_tol=1e-9, abs_tol=1e-12)
         for key, it in preset(name, value).items() if re.match(but, key) is None
     )
 
@@ -136,6 +140,17 @@ def _heading(platform: Any) -> Iterator[str]:
         yield f"heading error {figure(size)}° RMS"
 
 
+def _beacons(platform: Any) -> Iterator[str]:
+    arms = platform.beacon_scale * platform.arm_length_m
+    on = f" on arms of {figure(arms)} m" if platform.arrangement == "cross" else ""
+    yield f"{platform.beacons} beacons{on}"
+
+
+def _pings(acoustics: Any, beacons: int) -> Iterator[str]:
+    which = "a ping" if SCHEDULES[acoustics.schedule].together(beacons) == 1 else "pings of all"
+    yield f"{which} every {figure(acoustics.sampling_time_s)} s"
+
+
 def _survey(platform: Any) -> Iterator[str]:
     if platform.mounting_std_m:
         yield f"beacons surveyed to {figure(platform.mounting_std_m)} m ({_SIGMA})"
@@ -169,3 +184,40 @@ def _ranges(acoustics: Any) -> Iterator[str]:
     wrong = abs(acoustics.assumed_sound_speed_m_s / acoustics.sound_speed_m_s - 1)
     if wrong:
         yield f"speed of sound off by {rough_percent(wrong)}"
+
+
+def _clock(acoustics: Any) -> Iterator[str]:
+    """The clock's grade or its drift, and since when; and its offset when it was set."""
+    if legs(acoustics.ranging) > 1:
+        return
+    offset = hypot(acoustics.clock_offset_s, acoustics.clock_offset_std_s)
+    drift = _drift(acoustics)
+    age = acoustics.clock_sync_age_s
+    since = f" set {figure(age / 60)} min before" if age else " just set"
+    if drift and _holds(acoustics, "clock_grade"):
+        grade = acoustics.clock_grade
+        yield f"{grade if grade == 'crystal' else grade.upper()} clock{since}"
+    elif drift:
+        yield f"clock{since} with a drift of {figure(1e6 * drift)} ppm (1σ)"
+    if offset:
+        yield f"clock offset {figure(1e3 * offset)} ms (1σ)"
+
+
+def _drift(acoustics: Any) -> float:
+    return hypot(acoustics.clock_drift_s_s, acoustics.clock_drift_std_s_s)
+
+
+def _exact(platform: Any, acoustics: Any) -> Iterator[str]:
+    """What has no error, though it has one in every real system."""
+    names = []
+    if acoustics.fmu is None:
+        offsets = (acoustics.clock_offset_s, acoustics.clock_offset_std_s)
+        if legs(acoustics.ranging) == 1 and not any((*offsets, _drift(acoustics))):
+            names.append("clock")
+        if acoustics.assumed_sound_speed_m_s == acoustics.sound_speed_m_s:
+            names.append("speed of sound")
+    mounted = platform.fmu is None and platform.gps_shared
+    if mounted and not any((platform.mounting_std_m, *platform.mounting_error_m)):
+        names.append("mounting")
+    if names:
+        yield f"exact {listed(names)}"

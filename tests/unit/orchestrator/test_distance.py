@@ -29,6 +29,7 @@ from sblcosim.scenario.conditions import conditions
 from sblcosim.scenario.likes import LIKES
 from sblcosim.scenario.scenario import shipped
 from sblcosim.study.kept import Kept
+from sblcosim.words.lists import listed
 from sblcosim.words.numbers import meters_at_most
 from seams import Seam
 from typer.testing import CliRunner
@@ -410,28 +411,64 @@ def test_the_bound_of_many_runs_holds_for_few_and_wild_ones() -> None:
 # --- Conditions ----------------------------------------------------------------------------------
 
 NOISE = "range noise 0.1 m (1σ)"
+ALL_EXACT = "exact clock, speed of sound and mounting"
+ARMS = "4 beacons on arms of 3 m"
 WORDS: dict[str, list[str]] = {
     "realistic-dive": ["Beaufort 2", "surge and sway of ±2.1 m",
-                       "GPS error 1.2 m horizontal (1σ per axis)", "heading error 3° RMS", NOISE,
-                       "25 % packet loss", "5 % outliers", "speed of sound off by 2 %"],
+                       "GPS error 1.2 m horizontal (1σ per axis)", "heading error 3° RMS", ARMS,
+                       "a ping every 1 s", NOISE, "25 % packet loss", "5 % outliers",
+                       "speed of sound off by 2 %",
+                       "clock just set with a drift of 0.5 ppm (1σ)", "clock offset 0.9 ms (1σ)",
+                       "exact mounting"],
     "realistic-sea": ["Beaufort 3 as a spectrum", "drift in a circle of 3 m", "SBAS GPS",
-                      "heading error 2.06° RMS", NOISE, "25 % packet loss in bursts of 4 packets",
-                      "echoes from surface and bottom", "1 % outliers",
-                      "speed of sound off by 2 %"],
+                      "heading error 2.06° RMS", ARMS, "a ping every 1 s", NOISE,
+                      "25 % packet loss in bursts of 4 packets", "echoes from surface and bottom",
+                      "1 % outliers", "speed of sound off by 2 %", "TCXO clock set 30 min before",
+                      "exact mounting"],
     "harbour-wakes": ["waves of 0.2 m (significant height, peak at 1.3 s)",
                       "drift in a circle of 1 m", "yaw of ±3°",
-                      "GPS error 1.05 m horizontal (1σ per axis)", "heading error 1° RMS", NOISE,
-                      "50 % packet loss in bursts of 3 packets", "echoes from surface and bottom"],
-    "gps-buoys": ["beacons at rest", "SBAS GPS on each buoy", NOISE, "25 % packet loss",
-                  "5 % outliers", "speed of sound off by 2 %"],
-    "harbour-lbl": ["beacons at rest", "beacons surveyed to 0.3 m (1σ per axis)", NOISE,
-                    "10 % packet loss", "5 % outliers", "speed of sound off by 0.66 %"],
+                      "GPS error 1.05 m horizontal (1σ per axis)", "heading error 1° RMS", ARMS,
+                      "a ping every 0.151 s", NOISE, "50 % packet loss in bursts of 3 packets",
+                      "echoes from surface and bottom", ALL_EXACT],
+    "gps-buoys": ["beacons at rest", "SBAS GPS on each buoy", "4 beacons", "a ping every 1 s",
+                  NOISE, "25 % packet loss", "5 % outliers", "speed of sound off by 2 %",
+                  "clock just set with a drift of 0.5 ppm (1σ)", "clock offset 0.1 ms (1σ)"],
+    "harbour-lbl": ["beacons at rest", "4 beacons", "beacons surveyed to 0.3 m (1σ per axis)",
+                    "a ping every 1 s", NOISE, "10 % packet loss", "5 % outliers",
+                    "speed of sound off by 0.66 %", "clock just set with a drift of 0.05 ppm (1σ)",
+                    "clock offset 0.1 ms (1σ)"],
     "paper-scenario-1": ["roll, pitch and yaw of ±5°", "GPS error 0.1 m horizontal (1σ per axis)",
-                         "heading error 1° RMS", NOISE],
+                         "heading error 1° RMS", ARMS, "a ping every 0.1 s", NOISE, ALL_EXACT],
     "harbour-square": ["roll, pitch and yaw of ±3°", "heave of ±0.0707 m",
-                       "GPS error 1.05 m horizontal (1σ per axis)", "heading error 1° RMS", NOISE,
-                       "50 % packet loss"],
+                       "GPS error 1.05 m horizontal (1σ per axis)", "heading error 1° RMS", ARMS,
+                       "a ping every 0.1 s", NOISE, "50 % packet loss", ALL_EXACT],
 }  # fmt: skip
+
+
+@pytest.mark.parametrize(("keys", "words"), [
+    ({"acoustics.clock_grade": "tcxo", "acoustics.clock_sync_age_s": 1800},
+     ["TCXO clock set 30 min before"]),
+    ({"acoustics.clock_grade": "crystal"}, ["crystal clock just set"]),
+    ({"acoustics.clock_drift_s_s": 3e-6, "acoustics.clock_drift_std_s_s": 4e-6},
+     ["clock just set with a drift of 5 ppm (1σ)"]),
+    ({"acoustics.clock_offset_std_s": 2e-3}, ["clock offset 2 ms (1σ)"]),
+    ({"acoustics.schedule": "simultaneous", "platform.beacons": 6, "platform.arm_length_m": 1.5},
+     ["6 beacons on arms of 1.5 m", "pings of all every 0.1 s"]),
+    ({"platform.beacon_scale": 2.0}, ["4 beacons on arms of 6 m"]),
+    ({"platform.mounting_std_m": 0.05}, ["beacons surveyed to 0.05 m (1σ per axis)"]),
+    ({"platform.mounting_error_m": [[0.1, 0, 0]] + [[0, 0, 0]] * 3}, []),
+    ({"acoustics.ranging": "two_way"}, ["two-way ranging"]),
+])  # fmt: skip
+def test_what_decides_is_named_and_else_called_exact(
+    keys: dict[str, Any], words: list[str]
+) -> None:
+    said = conditions(sblcosim.load("paper-scenario-1", keys))
+    assert set(words) <= set(said)
+    clock = any("clock" in key for key in keys) or "acoustics.ranging" in keys
+    mounting = any("mounting" in key for key in keys)
+    exact = [name for name, has_errors in (
+        ("clock", clock), ("speed of sound", False), ("mounting", mounting)) if not has_errors]
+    assert said[-1] == f"exact {listed(exact)}"
 
 
 @pytest.mark.parametrize("name", WORDS)
