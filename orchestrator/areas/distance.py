@@ -22,8 +22,9 @@ from ..scenario.scenario import Scenario, Source, load
 from ..simulation.how import How
 from ..simulation.masters.lanes_driver import LENGTHS
 from ..study.kept import Kept
+from ..words.numbers import figure, rounded
 from .distance_result import DistanceCurve
-from .motion import RADIUS, circle_of, circling
+from .motion import RADIUS, Circle, circle_of, circling
 from .over_places import asked
 from .possible import PossibleInCells, left_out, possible
 from .rings import Depths, Distance, Rings, rings_of
@@ -34,6 +35,8 @@ Floats = NDArray[np.float64]
 
 DISTANCES, RUNS = 21, 500
 """Number of distances, including the first and the last one, and runs at each."""
+_HUMP = 1.3
+"""Ratio to the possible error, over the usual ratio, from which a distance is said to stand out."""
 _BEFORE = 0.1
 """Share of the progress when the runs begin."""
 
@@ -117,12 +120,29 @@ def map_distance(
     )
     found = pooled(sample, best.percentile, rings.shape, given.seed, workers, reach=0)
     told(1.0)
+    table = _table(rings, sample, found, best)
     return DistanceCurve(
         scenario=moving, receiver=simulator.receiver, settings=settings, motion=str(circle),
-        distances=_table(rings, sample, found, best), failures=simulator.failures,
-        doubt=doubt_of(circle, moving, simulator.receiver, receiver),
+        distances=table, failures=simulator.failures,
+        doubt=doubt_of(circle, moving, simulator.receiver, receiver) or _hump(table, circle),
         left_out=left_out(moving, rings, best, (settling_s, duration_s)),
     )  # fmt: skip
+
+
+def _hump(rows: pd.DataFrame, circle: Circle) -> str:
+    """Where the error stands out of what is possible, in words; empty if nowhere."""
+    possible = rows["possible_p95_m"]
+    usual = (rows["p95_m"] / possible).median()
+    least = (rows["p95_m"] - CERTAIN * rows["std_error_m"]) / possible
+    if not (least > _HUMP * max(usual, 1.0)).any():
+        return ""
+    worst = rows.loc[least.idxmax()]
+    return (
+        f"at {figure(worst['distance_m'])} m distance and {figure(worst['depth_m'])} m depth the "
+        f"95 % error is {rounded(worst['p95_m'] / worst['possible_p95_m'], 2)} times the possible "
+        f"one, where {rounded(usual, 2)} times is usual: perhaps the diver turns too fast for the "
+        f"receiver there; compare a wider circle, with a radius of {figure(3 * circle.radius)} m"
+    )
 
 
 def _table(

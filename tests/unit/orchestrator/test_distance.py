@@ -618,3 +618,25 @@ def test_the_command_prints_saves_and_refuses(tmp_path: Path, monkeypatch: Any) 
         refused = called(*more)
         assert refused.exit_code == 2
         assert said in re.sub(r"\s+", " ", refused.output)
+
+
+# --- Where the circle is hard --------------------------------------------------------------------
+
+
+def test_a_distance_that_stands_out_of_the_possible_is_named() -> None:
+    """Arms of 1.5 m, pings each second: beside the platform, a turn in 38 s is taken for noise."""
+    source = LIKES["platform"].source
+    keys = {
+        "platform.arm_length_m": 1.5, "platform.gps_grade": "standalone",
+        "platform.imu_heading_turn_on_std_deg": 3.0, "platform.beaufort": 3,
+        "time.sampling_time_s": 1.0, "target.speed_m_s": 0.5,
+    }  # fmt: skip
+    options: dict[str, Any] = {"cells": 11, "runs": 200, "overrides": keys}
+    found = sblcosim.map_distance(source, 60, 15.0, **options)
+    assert found.doubt.startswith("at 6 m distance and 15 m depth the 95 % error is ")
+    ratio = found.distances["p95_m"] / found.distances["possible_p95_m"]
+    said = [float(it) for it in re.findall(r"(\d\.\d+) times", found.doubt)]
+    assert said == pytest.approx([ratio.max(), ratio.median()], abs=0.06)
+    assert found.doubt in str(found)
+    wider = float(re.findall(r"a radius of (\d+) m", found.doubt)[0])
+    assert not sblcosim.map_distance(source, 60, 15.0, radius_m=wider, **options).doubt
