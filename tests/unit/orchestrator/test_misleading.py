@@ -308,7 +308,7 @@ def long_record(far_s: float, error: float = FAR, variance: float = 0.25) -> Rec
         (long_record(0), None),
         (long_record(20), None),
         (long_record(21), "misleading: for 21 s beyond three times what it claims"),
-        (long_record(15, 9.0), "misleading: 4.08 times as far off as it claims"),
+        (long_record(15, 9.0), "misleading: 4.08 times as far off as it claims, by the NEES"),
         (long_record(99, 0.9, 1e-4), None),
         (make_record(optional_ports=False), None),
     ],
