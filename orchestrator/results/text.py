@@ -240,7 +240,7 @@ def _misleading(row: Any) -> str:
     if longest > MISLEADING_S:
         return f"misleading: for {longest:.0f} s beyond three times what it claims"
     factor = (row.nees_position / row.nees_position_expected) ** 0.5
-    return f"misleading: {number(factor)} times as far off as it claims, by the NEES"
+    return f"misleading: {number(factor)} times as far off as it claims, direction by direction"
 
 
 def _claim(result: ToldResult, receiver: str) -> str:

@@ -253,7 +253,7 @@ def test_the_first_lines_are_a_verdict_for_each_receiver(result):
     lines = str(result).splitlines()
     assert lines[0] == (
         "ekf: 5.0 m RMS, 95 % within 5.0 m; claims 0.87 m: do not trust its covariance; "
-        "misleading: 5.77 times as far off as it claims, by the NEES"
+        "misleading: 5.77 times as far off as it claims, direction by direction"
     )
     assert lines[1].startswith("raw: 2.0 m RMS, 95 % within 2.0 m; claims 0.87 m: ")
     right = make_record({"ekf": np.array([[0.5, 0.5, 0.5]]), "raw": np.array([[1.0, 0, 0]])})
