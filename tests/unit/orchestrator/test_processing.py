@@ -263,14 +263,14 @@ def test_a_gap_of_minutes_is_survived() -> None:
 
 
 def test_two_ranges_of_a_beacon_in_an_interval_wait_and_are_counted() -> None:
-    log = made(seconds=120, beacons=CORNERS[:3])
+    log = made(seconds=120)
     processed = process(log, interval_s=10.0)
     (told,) = [line for line in processed.remarks if "waited for the next update" in line]
     count = int(told.split()[0])
-    given = played(log, 10_000_000_000, 3)
+    given = played(log, 10_000_000_000, 4)
     assert count == given.waited > 60
     assert given.replaced == 0
-    newest = played(log, 10_000_000_000, 3, newest=True)
+    newest = played(log, 10_000_000_000, 4, newest=True)
     assert newest.waited == 0
     kept = np.diff(newest.values["reception_count"], axis=0, prepend=0) > 0
     assert newest.replaced == len(log.receptions) - kept.sum() > 60
