@@ -62,7 +62,7 @@ def losses(time_ns: Integers, beacon: Integers, slot_s: float | None = None) -> 
     gap = gap[gap > 0]
     if len(gap) < 10:
         return None
-    slot = _slot(gap) if slot_s is None else slot_s
+    slot = usual(gap) if slot_s is None else slot_s
     slots = np.rint(gap / slot)
     if np.mean((np.abs(gap / slot - slots) < _TOLERANCE) & (slots > 0)) < _REGULAR:
         return None
@@ -79,7 +79,7 @@ def losses(time_ns: Integers, beacon: Integers, slot_s: float | None = None) -> 
     return Losses(share, (burst[0], burst[1], burst[2]), slot)
 
 
-def _slot(gap: Floats) -> float:
+def usual(gap: Floats) -> float:
     """The usual shortest gap."""
     near = gap[gap < 1.5 * np.quantile(gap, 0.05)]
     return float(np.median(near))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -66,6 +66,8 @@ class Identified(Answer):
         What was left out of the log, and where the base is from, as sentences.
     beacons
         Names of the beacons; without them, their numbers count.
+    dive
+        Keys of the scenario that dives as a log without a scenario did.
     """
 
     document = "identify"
@@ -76,6 +78,7 @@ class Identified(Answer):
     base: Scenario
     said: tuple[str, ...] = ()
     beacons: tuple[str, ...] = ()
+    dive: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def title(self) -> str:
@@ -160,7 +163,7 @@ class Identified(Answer):
 
     def scenario(self) -> Scenario:
         """The scenario that simulates the device: the base with what the log tells."""
-        return self.base.override(self.overrides().items())
+        return self.base.override({**self.dive, **self.overrides()}.items())
 
     def text(self, *, verbose: bool = False, width: int | None = None) -> str:
         """The answer, then the numbers.

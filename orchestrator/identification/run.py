@@ -22,6 +22,7 @@ from ..results.result import Result
 from ..scenario.arrangement import has_own_errors
 from ..scenario.scenario import Scenario
 from .device import Assumed, device_of
+from .dive import dive_of
 from .result import Identified
 from .swings import swings_of
 
@@ -67,8 +68,11 @@ def identify(
     ready = settled(log if isinstance(log, Log) else read_log(log, mapping), scenario)
     samples, body, known, base = of_log(ready)
     device = device_of(samples, body, known)
-    said = (*ready.log.counted(), ready.said, *_named(ready.log))
-    return Identified(ready.log.name, device, base, said, ready.log.beacons)
+    dive, of_dive = ({}, []) if scenario is not None or ready.log.scenario is not None else (
+        dive_of(ready.log, device, base)
+    )
+    said = (*ready.log.counted(), ready.said, *of_dive, *_named(ready.log))
+    return Identified(ready.log.name, device, base, said, ready.log.beacons, dive)
 
 
 def _named(log: Log) -> list[str]:

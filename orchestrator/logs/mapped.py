@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,10 @@ from .mapping import Mapped, MappedTable, keys_of, mapping_of, missing
 from .raw import Raw
 
 _COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?", re.ASCII)
+EXAMPLE = (
+    "; for example, in meta.toml: [mapping.receptions] time_s = 'Time', beacon = 'Beacon', range_m "
+    "= 'Dist' (docs/reference/logs.md)"
+)
 _NEAR_DEG = 1.0
 """The first position within this of the median is the origin [°]."""
 
@@ -52,6 +56,7 @@ def raw_of(place: Path, about: Mapping[str, Any], where: str) -> Raw:
     raw = Raw(name if Path(where).name == meta.FILE else Path(where).stem, own, where)
     sources = mapping.tables or (_guessed(place, raw),)
     base = place if place.is_dir() else place.parent
+    _refuse_another(place, base, [source.file for source in sources], where)
     parts: dict[str, list[pd.DataFrame]] = {}
     for source in sources:
         if not source.file and not place.is_file():
@@ -83,6 +88,18 @@ def raw_of(place: Path, about: Mapping[str, Any], where: str) -> Raw:
     return raw
 
 
+def _refuse_another(place: Path, base: Path, names: Sequence[str], where: str) -> None:
+    """Refuse a file that is read in vain, as the mapping names others."""
+    own = os.path.realpath(place)
+    if place.is_file() and not any(
+        not name or os.path.realpath(base / name) == own for name in names
+    ):
+        raise ConfigurationError(
+            f"{where}: mapping: must name the file that is read, {quoted(place.name)}, or none, "
+            f"got {first_of([quoted(name) for name in names], 4)}; to read those, give their folder"
+        )
+
+
 def _axes(mapping: Mapped) -> tuple[str, float, Floats | None]:
     shift = None if mapping.shift is None else np.array(mapping.shift)
     return mapping.axes or "ned", mapping.turn_deg, shift
@@ -104,7 +121,7 @@ def _guessed(place: Path, raw: Raw) -> MappedTable:
     raise ConfigurationError(
         f"{shown(place)}: must have a log's columns (beacon and range_m, or n_m, e_m and d_m, or "
         "latitude_deg and longitude_deg), or a mapping that says which of its columns they are, "
-        f"got {names}"
+        f"got {names}{EXAMPLE}"
     )
 
 

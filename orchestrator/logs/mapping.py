@@ -15,9 +15,10 @@ from ..words.lists import first_of
 from .axes import AXES
 from .columns import FARTHEST, KINDS, TABLES
 from .times import NAMES as TIMES
+from .times import UNITS as TIME_UNITS
 
 UNITS: Mapping[str, Mapping[str, float]] = {
-    "m": {"m": 1.0, "km": 1e3, "cm": 1e-2, "mm": 1e-3},
+    "m": {"m": 1.0, "km": 1e3, "cm": 1e-2, "mm": 1e-3, "ft": 0.3048},
     "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6},
     "rad": {"rad": 1.0, "deg": pi / 180},
 }
@@ -140,8 +141,11 @@ def keys_of(table: str) -> dict[str, tuple[str, float]]:
     for name in _times(table):
         keys[name] = name, 1.0
     if table in ("truth", "fixes"):
-        for name in ("latitude_deg", "longitude_deg", "height_m", "depth_m"):
+        for name in ("latitude_deg", "longitude_deg"):
             keys[name] = name, 1.0
+        for stem in ("height", "depth"):
+            for unit, factor in UNITS["m"].items():
+                keys[f"{stem}_{unit}"] = f"{stem}_m", factor
     return keys
 
 
@@ -161,7 +165,8 @@ def _source(given: Any, table: str, where: str) -> MappedTable:
         here = f"{where}: {at}.{shortened(key)}"
         if key not in known:
             raise ConfigurationError(
-                f"{where}: there is no key {at}.{shortened(key)}{nearest(key, known)}"
+                f"{where}: there is no key {at}.{shortened(key)}"
+                f"{_units(key, columns) or nearest(key, known)}"
             )
         if key == lists:
             taken[key] = _names(value, here)
@@ -191,6 +196,16 @@ def _source(given: Any, table: str, where: str) -> MappedTable:
         )
     _refuse_doubles(taken["columns"], columns, f"{where}: {at}")
     return MappedTable(table=table, where=f"{where}: {at}", **taken)
+
+
+def _units(key: str, columns: Mapping[str, tuple[str, float]]) -> str:
+    """The units of a column, if a key has another one."""
+    stem = key.rpartition("_")[0]
+    units = [it.rpartition("_")[2] for it in columns if stem and it.rpartition("_")[0] == stem]
+    known = {unit for several in (*UNITS.values(), TIME_UNITS) for unit in several}
+    if not {*units} & known or key.rpartition("_")[2] in known:
+        return ""
+    return f"; {stem} must be in {' or '.join(dict.fromkeys(units))}, as in {stem}_{units[0]}"
 
 
 def _refuse_doubles(

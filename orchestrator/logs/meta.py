@@ -14,6 +14,7 @@ from ..words.lists import first_of
 from .columns import FARTHEST
 
 FILE = "meta.toml"
+UNUSED = "keys without a meaning in a log are not used"
 _Finite = Annotated[float, Field(allow_inf_nan=False, ge=-FARTHEST, le=FARTHEST)]
 Place = tuple[_Finite, _Finite, _Finite]
 """North, east, down [m]."""
@@ -155,9 +156,8 @@ def meta_of(tables: Mapping[str, Any], where: str) -> tuple[Meta, list[str]]:
             remarks.append(f"{where}: clock.truth = {quoted(words)}: its offset is estimated")
     unknown = [*_unknown(given, Meta)]
     if unknown:
-        close = nearest(unknown[0], Meta.model_fields) if len(unknown) == 1 else ""
         names = first_of(unknown, 5)
-        remarks.append(f"{where}: keys without a meaning in a log are not used: {names}{close}")
+        remarks.append(f"{where}: {UNUSED}: {names}")
     try:
         return Meta.model_validate(given), remarks
     except ValidationError as error:
@@ -172,7 +172,8 @@ def _unknown(tables: dict[str, Any], of: type[BaseModel], above: str = "") -> It
         field = of.model_fields.get(key)
         if field is None:
             del tables[key]
-            yield shortened(f"{above}{key}")
+            close = nearest(key, of.model_fields).removeprefix("; ")
+            yield shortened(f"{above}{key}") + (f" ({close})" if close else "")
             continue
         kinds = (field.annotation, *get_args(field.annotation))
         inner = next((k for k in kinds if isinstance(k, type) and issubclass(k, _Table)), None)

@@ -55,6 +55,8 @@ def read_log(path: str | Path, mapping: str | Path | None = None) -> Log:
         found = "; ".join(log.counted()[:3])
         if any(flaw.what == UNPLACED for flaw in log.findings):
             found += "; positions are columns (reported_n_m, …) or stand in [beacons] of meta.toml"
+        for remark in (it for it in log.remarks if meta.UNUSED in it):
+            found += f"; {remark}"
         raise ConfigurationError(
             f"{shown(place)}: must hold ranges of beacons with positions, or positions, got none"
             f"{f'; {found}' if found else ''}"

@@ -61,6 +61,21 @@ def on_earth(path: DiverPath, origin: Origin) -> EarthPath:
     return EarthPath(path.name, path.kind, known.time_ns[::every], latitude, longitude, depth)
 
 
+def beginning(start: datetime | None, dated: bool, zero: str = "Time 0 is") -> str:
+    """What times mean, in words.
+
+    Parameters
+    ----------
+    dated
+        Whether times are since 1970, as in the log of a device.
+    zero
+        Words before the clock time of time 0.
+    """
+    if dated:
+        return "Times are those of the log"
+    return f"{zero} {(start or EPOCH).isoformat()}"
+
+
 def instant(start: datetime | None, time_s: float) -> datetime:
     """Clock time of a point, to the microsecond."""
     return (start or EPOCH) + timedelta(seconds=time_s)

@@ -41,6 +41,7 @@ def check(trajectories: str | Collection[str]) -> tuple[str, ...]:
 def write(
     folder: Path, title: str, paths: Sequence[DiverPath], origin: Origin | None = None, *,
     start: datetime | None = None, trajectories: str | Collection[str] = (),
+    dated: bool = False,
 ) -> None:
     """Write paths for maps, if the origin is known, and trajectories, if asked for.
 
@@ -59,6 +60,8 @@ def write(
         Clock time of time 0, with a time zone; None: the start of 1970.
     trajectories
         Some of `TRAJECTORIES`.
+    dated
+        Whether times of the paths are since 1970.
 
     Raises
     ------
@@ -72,8 +75,8 @@ def write(
     if origin is not None:
         earth = [on_earth(path, origin) for path in paths]
         geojson.write(folder, earth, origin, start)
-        gpx.write(folder, title, earth, start)
-        kml.write(folder, title, earth, start)
+        gpx.write(folder, title, earth, start, dated)
+        kml.write(folder, title, earth, start, dated)
     if TUM in wanted:
         tum.write(folder, paths, start_ns(start))
     if MCAP in wanted:

@@ -7,20 +7,21 @@ from datetime import datetime
 from pathlib import Path
 
 from ..errors import escaped
-from .earth import EPOCH, EarthPath, instant
+from .earth import EarthPath, beginning, instant
 
 FILE = "path.gpx"
 
 
-def write(folder: Path, title: str, paths: Sequence[EarthPath], start: datetime | None) -> None:
+def write(
+    folder: Path, title: str, paths: Sequence[EarthPath], start: datetime | None,
+    dated: bool = False,
+) -> None:
     """Write a track for each path; it has a segment for each part up to the antimeridian."""
     from gpxpy import gpx
 
     document = gpx.GPX()
     document.creator, document.name = "sblcosim", escaped(title)
-    begins = f"The run starts at {EPOCH.isoformat()}" if start is None else (
-        f"Time 0 is {start.isoformat()}"
-    )
+    begins = beginning(start, dated, "The run starts at" if start is None else "Time 0 is")
     document.description = f"{begins}; elevation is minus the depth"
     for path in paths:
         track = gpx.GPXTrack(escaped(path.name))

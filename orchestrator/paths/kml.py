@@ -16,7 +16,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 from ..errors import escaped
 from ..style import Theme, named
-from .earth import EPOCH, EarthPath, instant
+from .earth import EarthPath, beginning, instant
 
 FILE = "path.kml"
 ALTITUDE_MODE = "clampToGround"
@@ -27,13 +27,16 @@ _WIDTH = {"truth": 3, "filter": 3, "fix": 1}
 """Widths of lines [pixel]."""
 
 
-def write(folder: Path, title: str, paths: Sequence[EarthPath], start: datetime | None) -> None:
+def write(
+    folder: Path, title: str, paths: Sequence[EarthPath], start: datetime | None,
+    dated: bool = False,
+) -> None:
     """Write a placemark with a track for each path; one without a point has no track."""
     root = Element("kml", _NAMESPACES)
     document = SubElement(root, "Document")
     _text(document, "name", escaped(title))
-    begins = (start or EPOCH).astimezone(UTC).isoformat()
-    _text(document, "description", f"Time 0 is {begins}; altitude is minus the depth")
+    begins = beginning(start.astimezone(UTC) if start else None, dated)
+    _text(document, "description", f"{begins}; altitude is minus the depth")
     for i, colour in enumerate(_colours(paths)):
         _style(document, f"path-{i + 1}", colour, _WIDTH[paths[i].kind])
     for i, path in enumerate(paths):

@@ -308,7 +308,10 @@ class Processed(Answer):
         with artifacts.draft(directory, self.manifest(), other) as draft:
             self.write(draft.folder, theme, figures)
             place = self.log.meta.place if self.along(False) else None
-            path_files.write(draft.folder, self.title, self.paths, place, trajectories=wanted)
+            path_files.write(
+                draft.folder, self.title, self.paths, place, trajectories=wanted,
+                dated=self.log.dated,
+            )
         return draft.saved
 
     def write(self, folder: Path, theme: ThemeName = "light", figures: bool = True) -> None:

@@ -16,12 +16,16 @@ from ..judge.definitions import POSITION_STATES, nees, order_statistics
 from ..judge.without_truth import between, told
 from ..logs.log import Log
 from ..tracks.place import Origin
+from ..words.numbers import meters
 from .columns import RESIDUALS
 
 TRUTH_GAP_S = 10.0
 """In a longer gap of the truth [s], nothing is known."""
 TAIL = 4.0
 _TO_STD = 1.4826
+_FEWEST = 10
+_MISFIT, _MISFIT_M = 0.07, 3.0
+"""Ranges do not fit if residuals are usually above this share of the ranges, and this [m]."""
 _MOST_PAIRS = 400
 """Number of residuals for a slope, which takes all pairs."""
 _CLIPPED = 3.0
@@ -146,6 +150,20 @@ def residuals_of(log: Log, estimates: Estimates) -> tuple[Flags, Floats]:
     which, at = between(estimates, heard.epoch_ns)
     distance = np.linalg.norm(at - heard.beacon_position[which], axis=1)
     return which, heard.range[which] - distance
+
+
+def misfit(log: Log, estimates: Estimates) -> list[str]:
+    """A line, if ranges do not fit the beacons at all."""
+    which, off = residuals_of(log, estimates)
+    if len(off) < _FEWEST:
+        return []
+    usual, length = float(np.median(np.abs(off))), float(np.median(log.receptions.range[which]))
+    if usual < max(_MISFIT * length, _MISFIT_M):
+        return []
+    return [
+        f"ranges do not fit the beacons: half of the residuals are above {meters(usual)}, at ranges "
+        f"of {meters(length)}; check the unit of the ranges and the places of the beacons"
+    ]
 
 
 def residuals(log: Log, estimates: Mapping[str, Estimates]) -> pd.DataFrame:

@@ -26,7 +26,7 @@ from ..words.lists import counted, listed
 from ..words.numbers import meters, rounded
 from .align import aligned
 from .processed import Processed, manifest_of
-from .quality import std_of
+from .quality import misfit, std_of
 from .running import Ran, doubts_of, ran
 from .settings import Settled, drift_of, settled
 
@@ -139,6 +139,8 @@ def process(
         estimates, remarks = _that_know(ready.log, estimates)
         said += remarks
     estimates |= {label: own for label, own in heard.fixes.items() if label not in estimates}
+    if main:
+        said += misfit(ready.log, made.estimates[main])
     found = aligned(ready.log, estimates[main]) if main else None
     if found is not None and (words := found[1].told(main)):
         said.append(words)

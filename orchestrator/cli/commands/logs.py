@@ -32,8 +32,9 @@ MappingOption = Annotated[
     typer.Option(
         "--mapping",
         metavar="FILE.toml",
-        help="What the log says about itself, and which column is what [default: meta.toml beside "
-        "the log, if there is one].",
+        help="What the log says about itself, and which column is what, as in [mapping.receptions] "
+        "range_m = 'Dist' (docs/reference/logs.md) [default: meta.toml beside the log, if there is "
+        "one].",
     ),
 ]
 

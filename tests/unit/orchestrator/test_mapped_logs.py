@@ -70,6 +70,7 @@ def test_our_columns_may_be_in_parquet(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("key", "value", "metres"), [
     ("range_m", "12.5", 12.5), ("range_km", "0.0125", 12.5), ("range_cm", "1250", 12.5),
+    ("range_ft", "12.5", 3.81),
     ("time_of_flight_ms", "10", 15.0), ("time_of_flight_s", "0.01", 15.0),
     ("time_of_flight_us", "10000", 15.0),
 ])  # fmt: skip
@@ -233,6 +234,8 @@ _R = '[mapping.receptions]\nfile = "r.csv"\n'
     (f'{_R}range_m = "dist"\n',
      "mapping.receptions.range_m: must be a column of r.csv, got 'dist'; it has 'time_s', "
      "'beacon', 'distance'; did you mean 'distance'?"),
+    (f'{_R}range_yd = "distance"\n', "there is no key mapping.receptions.range_yd; range must be "
+     "in m or km or cm or mm or ft, as in range_m"),
     (f'{_R}rang_m = "distance"\n', "there is no key mapping.receptions.rang_m; did you mean"),
     ('[mapping.reception]\nfile = "r.csv"\n', "there is no key mapping.reception; did you mean "
      "'receptions'?"),
@@ -274,6 +277,30 @@ def test_ranges_without_places_of_beacons_say_where_places_may_stand(tmp_path: P
         read_log(tmp_path / "r.csv")
     assert "r.csv: 1 line left out: a beacon without a position (line 2)" in str(caught.value)
     assert str(caught.value).endswith("(reported_n_m, …) or stand in [beacons] of meta.toml")
+
+
+def test_a_table_with_a_typing_error_is_named_where_beacons_have_no_place(tmp_path: Path) -> None:
+    (tmp_path / "r.csv").write_text("time_s,beacon,range_m\n1,A,3\n")
+    (tmp_path / "meta.toml").write_text("lisence = 'x'\n[Beacons]\nA = [0, 0, 0]\n")
+    with pytest.raises(ConfigurationError) as caught:
+        read_log(tmp_path / "r.csv")
+    assert str(caught.value).endswith(
+        "keys without a meaning in a log are not used: lisence (did you mean 'licence'?), Beacons "
+        "(did you mean 'beacons'?)"
+    )
+
+
+def test_a_file_that_its_mapping_does_not_name_is_refused(tmp_path: Path) -> None:
+    for name in ("r", "other"):
+        (tmp_path / f"{name}.csv").write_text("time_s,beacon,distance\n1,A,3\n")
+    mapping = tmp_path / "map.toml"
+    mapping.write_text(f'[beacons]\nA = [0, 0, 0]\n{_R}range_m = "distance"\n')
+    with pytest.raises(ConfigurationError, match="must name the file that is read, 'other.csv', or "
+                                                 "none, got 'r.csv'"):
+        read_log(tmp_path / "other.csv", mapping)
+    named = read_log(tmp_path / "r.csv", mapping)
+    assert named.receptions.range.tolist() == [3.0]
+    assert len(read_log(tmp_path, mapping).receptions) == 1
 
 
 def test_columns_that_say_nothing_are_asked_for(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ import gpxpy
 import numpy as np
 import pytest
 from gpxpy import gpx
+from made_logs import made
 from path_files import (
     EPOCH,
     MAPS,
@@ -35,6 +36,8 @@ from sblcosim.paths import folder as path_files
 from sblcosim.paths import ros
 from sblcosim.paths.diver_path import DiverPath, of_estimates, of_truth
 from sblcosim.paths.names import safe
+from sblcosim.processing.processed import Processed
+from sblcosim.scenario.scenario import load
 from sblcosim.style import THEMES
 from sblcosim.tracks.place import Origin
 from sblcosim.tracks.read import read as read_track
@@ -370,6 +373,20 @@ def test_equal_paths_give_equal_bytes(tmp_path: Path) -> None:
         written(tmp_path / name, wandering(50), wandering(9, 2, "raw"))
         contents.append({f.name: f.read_bytes() for f in (tmp_path / name).iterdir()})
     assert contents[0] == contents[1]
+
+
+def test_maps_of_a_log_do_not_say_that_it_is_of_1970(tmp_path: Path) -> None:
+    log = made(seconds=20, start_s=1.7e9, meta={"origin": {"latitude_deg": 60.0,
+                                                           "longitude_deg": 5.0}})  # fmt: skip
+    at = log.receptions.epoch_ns
+    own = Estimates(epoch_ns=at, position=np.ones((len(at), 3)))
+    processed = Processed(log=log, scenario=load("harbour-lbl"), made={"raw": own})
+    processed.save(tmp_path / "out", figures=False)
+    for name, height in (("path.kml", "altitude"), ("path.gpx", "elevation")):
+        text = (tmp_path / "out" / name).read_text("utf-8")
+        assert f"Times are those of the log; {height} is minus the depth" in text
+        assert "2023-11-14T" in text
+        assert "1970" not in text
 
 
 def test_maps_of_runs_are_as_ever(tmp_path: Path) -> None:

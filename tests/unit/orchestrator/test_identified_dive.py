@@ -1,0 +1,75 @@
+"""The dive in the scenario that `identify` writes for a log without one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sblcosim
+from made_logs import made
+from sblcosim.logs.log import Log
+
+
+def at_once(log: Log) -> Log:
+    """The same log, as if the four beacons pinged together."""
+    heard = log.receptions
+    epoch = heard.epoch_ns - heard.beacon.astype(np.int64) * 10**9
+    return replace(log, receptions=replace(heard, epoch_ns=epoch))
+
+
+def test_the_scenario_of_a_log_dives_as_the_log_did(tmp_path: Path) -> None:
+    log = made(seconds=200, start_s=1.7e9)
+    found = sblcosim.identify(log)
+    found.write(tmp_path, figures=False)
+    dive = sblcosim.load(tmp_path / "scenario.toml")
+    assert dive.time.sampling_time_s == 1.0  # each of four beacons pings every 4 s
+    assert dive.acoustics.schedule == "round_robin"
+    assert dive.time.duration_s == 199.0
+    assert dive.target.trajectory == "file"
+    assert log.truth is not None
+    times = np.asarray(dive.target.track_time_s) + dive.target.departure_time_s
+    track = np.reshape(dive.target.track_m, (-1, 3))
+    after = (log.truth.time_ns - log.start_ns) / 1e9
+    true = np.column_stack([np.interp(times, after, own) for own in log.truth.position.T])
+    off = np.linalg.norm(track - true, axis=1)
+    assert np.sqrt(np.mean(off**2)) < 0.7
+    assert len(times) <= 200
+    # The log says how far the speed of sound is off: by less than the usual value.
+    (scale,) = (n for n in found.device.numbers if n.parameter == "range_scale")
+    assert scale.low is not None and scale.high is not None
+    c = dive.acoustics.assumed_sound_speed_m_s / dive.acoustics.sound_speed_m_s - 1
+    assert scale.low - 1e-9 <= c <= scale.high + 1e-9
+    (said,) = (line for line in found.remarks if line.startswith("scenario: "))
+    assert said.startswith("scenario: from the log, the beacons ping in turn, each every 4.00 s; it "
+                           "lasts 199 s, on the estimated path (200 points")
+
+
+def test_beacons_that_ping_together_do_so_in_the_scenario() -> None:
+    dive = sblcosim.identify(at_once(made(seconds=200))).scenario()
+    assert dive.acoustics.schedule == "simultaneous"
+    assert dive.time.sampling_time_s == 4.0
+
+
+def test_a_given_scenario_keeps_its_dive(tmp_path: Path) -> None:
+    log, base = made(seconds=200), sblcosim.load("harbour-lbl")
+    kept = sblcosim.identify(log, scenario=base).scenario()
+    assert (kept.time, kept.target.trajectory) == (base.time, base.target.trajectory)
+    file = tmp_path / "scenario.toml"
+    file.write_text(base.dump_toml(tmp_path), "utf-8")
+    own = sblcosim.identify(replace(log, scenario=file)).scenario()
+    assert (own.time, own.target.trajectory) == (base.time, base.target.trajectory)
+
+
+@pytest.mark.parametrize("factor", [3.28, 1 / 3.28])
+def test_ranges_in_another_unit_are_said_to_fit_no_beacons(factor: float) -> None:
+    log = made(seconds=120, truth=False)
+    assert not said_misfit(log)
+    heard = log.receptions
+    assert said_misfit(replace(log, receptions=replace(heard, range=heard.range * factor)))
+
+
+def said_misfit(log: Log) -> list[str]:
+    return [line for line in sblcosim.process(log, ["long_baseline"]).remarks
+            if line.startswith("ranges do not fit the beacons: half of the residuals")]
