@@ -7,7 +7,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from .acoustics.variables import COMPONENT as _ACOUSTICS
-from .declaration import Component
+from .declaration import Component, DeclarationError
 from .platform.variables import COMPONENT as _PLATFORM
 from .range_model.variables import COMPONENT as _RANGE_MODEL
 from .receiver.receivers import FOUND
@@ -31,7 +31,7 @@ def check_unique(components: Mapping[str, Component]) -> None:
 
     Raises
     ------
-    ValueError
+    DeclarationError
         Two components share a name or a number; the message names both components.
     """
     for what in ("number", "name"):
@@ -40,7 +40,7 @@ def check_unique(components: Mapping[str, Component]) -> None:
             value = getattr(component, what)
             other = first.setdefault(value, name)
             if other != name:
-                raise ValueError(
+                raise DeclarationError(
                     f"components: each must have a {what} of its own, got {value!r} for {other} "
                     f"and {name}"
                 )

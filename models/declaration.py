@@ -27,6 +27,10 @@ TerminalKind = Literal[
 INT32_MAX = 2**31 - 1
 
 
+class DeclarationError(ValueError):
+    """A declaration contradicts itself or another one. The message is for who has written it."""
+
+
 class Dimension(int):
     """A size that is a constant of the build: a component is made for one value of it.
 
@@ -187,9 +191,9 @@ class Variable:
             ("variability", self.variability, (None, *get_args(Variability))),
         ):
             if value not in known:
-                raise ValueError(f"{self.name}: {word} {value!r} is not one of {list(known)}")
+                raise DeclarationError(f"{self.name}: {word} {value!r} is not one of {list(known)}")
         if self.unit is not None and self.unit not in UNITS:
-            raise ValueError(
+            raise DeclarationError(
                 f"{self.name}: unit {self.unit!r} is not one of {sorted(UNITS)}, or None for a "
                 "plain number"
             )
@@ -197,7 +201,7 @@ class Variable:
             object.__setattr__(self, "starting", self.start)
             object.__setattr__(self, "start", self.start(self.shape))
         if len(self.starts) != self.size:
-            raise ValueError(
+            raise DeclarationError(
                 f"{self.name}: {len(self.starts)} start values for {self.size} elements"
             )
         if self.variability is None:
@@ -212,18 +216,22 @@ class Variable:
             if self.causality != "parameter":
                 object.__setattr__(self, "variability", "discrete")
             elif not isinstance(self.start, int) or self.start not in self.choices:
-                raise ValueError(f"{self.name}: start {self.start!r} is not one of its choices")
+                raise DeclarationError(
+                    f"{self.name}: start {self.start!r} is not one of its choices"
+                )
         if self.named and self.declared is None:
             self._extend(self.named)
 
     def _extend(self, named: Mapping[str, float]) -> None:
         """Let the bounds include the named values."""
         if self.shape or self.type != "Float64" or self.choices is not None:
-            raise ValueError(f"{self.name}: only a number can have named values")
+            raise DeclarationError(f"{self.name}: only a number can have named values")
         low, high = self.min, self.max
         for name, value in named.items():
             if (low is None or value >= low) and (high is None or value <= high):
-                raise ValueError(f"{self.name}: {name!r} must be outside the bounds of numbers")
+                raise DeclarationError(
+                    f"{self.name}: {name!r} must be outside the bounds of numbers"
+                )
         values = named.values()
         object.__setattr__(self, "declared", (low, high))
         object.__setattr__(self, "min", None if low is None else min(low, *values))
@@ -335,15 +343,17 @@ class Component:
     def __post_init__(self) -> None:
         names = [v.name for v in self.variables]
         if len(set(names)) != len(names):
-            raise ValueError(f"{self.name}: variable names are not unique")
+            raise DeclarationError(f"{self.name}: variable names are not unique")
         order = [("parameter", "input", "output").index(v.causality) for v in self.variables]
         if order != sorted(order):
-            raise ValueError(f"{self.name}: parameters must come first, then inputs, then outputs")
+            raise DeclarationError(
+                f"{self.name}: parameters must come first, then inputs, then outputs"
+            )
         parameters = {v.name for v in self.of("parameter")}
         for variable in self.variables:
             for condition in (c for group in variable.needs for c in group):
                 if condition.parameter not in parameters:
-                    raise ValueError(
+                    raise DeclarationError(
                         f"{variable.name}: must need a parameter, got {condition.parameter}"
                     )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from .declaration import Component, Dimension
+from .declaration import Component, DeclarationError, Dimension
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +38,9 @@ class Draw:
 
     def __post_init__(self) -> None:
         if self.scale and len(self.scale) != self.size:
-            raise ValueError(f"{self.name}: must have {self.size} scales, got {len(self.scale)}")
+            raise DeclarationError(
+                f"{self.name}: must have {self.size} scales, got {len(self.scale)}"
+            )
 
     def of(self, component: Component) -> Draw:
         """The draw with all its numbers, for the constants of a component."""

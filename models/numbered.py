@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Protocol, TypeVar
 
+from .declaration import DeclarationError
+
 
 class Numbered(Protocol):
     """An alternative with a number."""
@@ -21,7 +23,7 @@ def in_order(what: str, them: Mapping[str, _N]) -> Mapping[str, _N]:
 
     Raises
     ------
-    ValueError
+    DeclarationError
         Two alternatives have the same number.
     """
     ordered = dict(sorted(them.items(), key=lambda item: item[1].number))
@@ -29,9 +31,9 @@ def in_order(what: str, them: Mapping[str, _N]) -> Mapping[str, _N]:
     for name, one in ordered.items():
         other = first.setdefault(one.number, name)
         if other != name:
-            raise ValueError(
+            raise DeclarationError(
                 f"{what}: each must have a number of its own, got {one.number} for {other} and "
-                f"{name}"
+                f"{name}; {max(it.number for it in ordered.values()) + 1} is free"
             )
     return ordered
 

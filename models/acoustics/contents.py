@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
+from ..declaration import DeclarationError
 from ..numbered import in_order
 
 
@@ -33,7 +34,7 @@ class Content:
 
     def __post_init__(self) -> None:
         if self.beacons == "none" and not self.pose:
-            raise ValueError(
+            raise DeclarationError(
                 f"packet content {self.number}: must have beacons or a pose, got neither"
             )
 

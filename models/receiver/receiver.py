@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
-from ..declaration import Component
+from ..declaration import Component, DeclarationError
 
 if TYPE_CHECKING:
     from ..equations import Equations
@@ -43,7 +43,7 @@ class ReceiverDeclaration:
 
     def __post_init__(self) -> None:
         if self.unfit and not self.purpose:
-            raise ValueError(
+            raise DeclarationError(
                 f"{self.component.name}: must have a purpose, as there are beacons it is unfit for"
             )
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
-from ..declaration import Variable
+from ..declaration import DeclarationError, Variable
 from ..draws import Draw
 from ..numbered import in_order
 from ..symbols import Symbols
@@ -58,9 +58,9 @@ class Trajectory:
 
     def __post_init__(self) -> None:
         if (self.course is None) != (self.length is None):
-            raise ValueError(f"trajectory {self.number}: must have a course with its length")
+            raise DeclarationError(f"trajectory {self.number}: must have a course with its length")
         if (self.course is None) == (self.equations is None):
-            raise ValueError(f"trajectory {self.number}: must have a course, or equations")
+            raise DeclarationError(f"trajectory {self.number}: must have a course, or equations")
 
     @property
     def all(self) -> frozenset[str]:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from math import pi
 
 from ..declaration import (
     Component,
     Condition,
+    DeclarationError,
     Variable,
     choice,
     is_one_of,
@@ -25,7 +26,7 @@ from .trajectories.file import TRACK_POINTS as TRACK_POINTS
 TRAJECTORIES: Mapping[int, str] = {it.number: name for name, it in FOUND.items()}
 """Names of the trajectories, by number."""
 
-_SHARED = (
+SHARED = (
     parameter("speed", "Speed along the path, in space", "m/s", start=0.5, min=0.0, max=20.0),
     parameter("departure_time", "Time after the start at which the motion begins", "s",
               start=0.0, min=0.0, max=1e9, needs=(not_zero("speed"),)),
@@ -62,22 +63,31 @@ def _where_taken(variable: Variable) -> Variable:
     return replace(variable, needs=(_on(*takers), *map(of_takers, variable.needs)))
 
 
+def _nearest(name: str, known: Iterable[str]) -> str:
+    """The known name that is nearest to a wrong one, as the end of a message."""
+    from difflib import get_close_matches  # only for a message
+
+    close = get_close_matches(name, sorted(known), n=1)
+    return f"; did you mean {close[0]!r}?" if close else ""
+
+
 def _of_trajectories() -> tuple[Variable, ...]:
     """All parameters of trajectories.
 
     Raises
     ------
-    ValueError
+    DeclarationError
         A trajectory uses a parameter that nobody declares.
     """
     ordered = sorted(FOUND.values(), key=lambda it: it.number if it.place is None else it.place)
-    variables = (*_SHARED, *(v for it in ordered for v in it.parameters))
+    variables = (*SHARED, *(v for it in ordered for v in it.parameters))
     known = {v.name for v in variables}
     for name, it in FOUND.items():
         for unknown in sorted(it.all - known):
-            raise ValueError(
-                f"trajectory {name}: must take parameters of {', '.join(sorted(known))}, got "
-                f"{unknown!r}"
+            shared = ", ".join(v.name for v in SHARED)
+            raise DeclarationError(
+                f"trajectory {name}: must take shared parameters ({shared}) or those of another "
+                f"trajectory, got {unknown!r}{_nearest(unknown, known)}"
             )
     return tuple(map(_where_taken, variables))
 

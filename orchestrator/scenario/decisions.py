@@ -9,6 +9,7 @@ from itertools import accumulate, pairwise
 from math import hypot
 from typing import Any
 
+from sblcosim.models.acoustics.schedules import SCHEDULES
 from sblcosim.models.platform.gps import GRADES
 from sblcosim.models.receiver.receiver import Beacons
 from sblcosim.models.target.variables import TRAJECTORIES
@@ -126,6 +127,16 @@ def _interval(text: str, scenario: Scenario) -> Values:
 
 _PINGS = "time.sampling_time_s"
 
+
+def _pings_takes(scenario: Scenario) -> str:
+    """What may be typed, and when each beacon of a scenario pings."""
+    schedule, beacons = scenario.acoustics.schedule, scenario.beacons
+    together = SCHEDULES[schedule].together(beacons)
+    every = "T" if together >= beacons else f"{beacons / together:g} T"
+    here = f"Here ({schedule}) each of {beacons} beacons pings every {every}"
+    return f"T in s, or a rate in Hz. {here}"
+
+
 # --- The beacons, the GPS and the sea ------------------------------------------------------------
 
 
@@ -140,20 +151,35 @@ def _beacons_keys(scenario: Scenario) -> Sequence[str]:
 
 def _beacons_takes(scenario: Scenario) -> str:
     places = explained("platform", "beacon_m")
-    arms = explained("platform", "arm_length_m")
+    arms = f"{explained('platform', 'arm_length_m')}, or number x length"
     return f"{arms}. Or: {places}" if _crossed(scenario) else places
 
 
 def _beacons_shown(scenario: Scenario) -> str:
     if _crossed(scenario):
-        return f"arms of {quantity(scenario.platform.arm_length_m, 'm')}"
+        return f"{scenario.beacons} arms of {quantity(scenario.platform.arm_length_m, 'm')}"
     rows = _rows(scenario.platform.beacon_m)
     return "; ".join(" ".join(f"{value:g}" for value in row) for row in rows) + " m"
 
 
+_COUNTED = re.compile(r"\s*(\d+) *(?:[x×*]|arms of\b)(.*)", re.IGNORECASE)
+
+
 def _beacons(text: str, scenario: Scenario) -> Values:
+    crossed = _crossed(scenario)
+    both = _COUNTED.fullmatch(text) if crossed else None
+    if both is not None:
+        arms: Values = {"platform.arm_length_m": typed.number(both[2], "m")}
+        count = int(both[1])
+        return arms if count == scenario.beacons else {**arms, "platform.beacons": count}
+    if crossed and re.fullmatch(r"\s*[3-8]\s*", text):
+        it = text.strip()
+        raise ConfigurationError(
+            f"must have a unit or a length, '{it} m' for arms of {it} m or '{it} x 3 m' for {it} "
+            f"beacons on arms of 3 m, got {quoted(text)}"
+        )
     found = typed.rows(re.sub(r"\barms of\b", "", text), "m")
-    if len(found) == 1 and _crossed(scenario):
+    if len(found) == 1 and crossed:
         return {"platform.arm_length_m": found[0]}
     return {"platform.beacon_m": found, "platform.beacons": None}
 
@@ -314,10 +340,7 @@ _ROWS: Mapping[str, Decision] = {
         {"survey": "beacons on the bottom rest",
          "buoys": "waves that move each buoy by itself are not modelled"},
     ),
-    "pings": replace(
-        _number(_PINGS), read=_interval,
-        takes=lambda scenario: f"{explained(*_PINGS.split('.'))}. Or a rate in Hz",
-    ),
+    "pings": replace(_number(_PINGS), read=_interval, takes=_pings_takes),
     "noise": _number("acoustics.range_std_m"),
     "path": Decision(
         lambda scenario: ["target.trajectory"], _path_takes, _path_shown, _path, names=_SHAPES

@@ -50,15 +50,17 @@ class Asked:
 ASKED: Mapping[str, Asked] = {
     it.name: it
     for it in (
-        Asked("beacons", "Where the beacons are. The farther apart, the better.",
-              "2 1 0.5; 2 -1 0.5; -2 0 1.5"),
+        Asked("beacons", "Where the beacons are: points, or '6 x 3 m' for six on arms of 3 m. The "
+              "farther apart, the better.", "2 1 0.5; 2 -1 0.5; -2 0 1.5"),
         Asked("mounting", "How well the positions of the beacons are known.", "0.05 m"),
         Asked("gps", "How good the GPS is. Its errors shift the estimates.", "rtk"),
         Asked("compass", "How good the compass is. Its errors turn the estimates about the "
               "platform.", "5 deg"),
         Asked("sea", "How rough the sea is. Waves move the platform with its beacons.",
               "Beaufort 3"),
-        Asked("pings", "How often a beacon pings. More ranges average out more noise.", "0.5 s"),
+        Asked("pings", "Time T between pings. One beacon pings after the other, so each of four "
+              "pings every 4 T; acoustics.schedule = \"simultaneous\" lets all ping at once. More "
+              "ranges average out more noise.", "0.5 s"),
         Asked("noise", "How noisy a range is. Many ranges average the noise out.", "0.2 m"),
         Asked("path", "Where the diver swims.", "0 0 5; 20 0 8"),
         Asked("depth", "How deep the diver is.", "5, 10 m"),

@@ -148,8 +148,12 @@ def known_source(source: Source) -> Source:
     raise ConfigurationError(
         f"receiver: must be {', '.join(RECEIVERS)}, an .fmu file or FILE.py:CLASS, got "
         f"{quoted(str(source))}"
+        + (_RAW_HINT if source == RAW else "")
         + (nearest(str(source), RECEIVERS) or _as_file(str(source)))
     )
+
+
+_RAW_HINT = f"; {RAW!r} is shown beside every receiver; as a receiver choose 'multilateration'"
 
 
 def _as_file(source: str) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 
 from ..errors import ConfigurationError, nearest, quoted
 from ..words.lists import listed
-from .units import spellings
+from .units import PARTS, spellings
 
 _TOKEN = re.compile(r"[\[\]();]|[^\s,\[\]();]+")
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?", re.IGNORECASE)
@@ -83,24 +83,39 @@ def _plain(word: str) -> str:
 
 
 def _rows(text: str, unit: str, what: str) -> list[list[float]]:
-    """Numbers by rows, which brackets and semicolons separate."""
+    """Numbers by rows, which brackets and semicolons separate.
+
+    A unit is that of the number before it, and of all numbers before that have none.
+    """
     plain = text.strip().replace("−", "-")
     if _DECIMAL_COMMA.search(plain) and not plain.startswith("["):
         raise ConfigurationError(
             f"must have a point before decimals, and a space after each comma, got {quoted(text)}"
         )
     found: list[list[float]] = [[]]
+    parts = PARTS.get(unit, {})
+    bare: list[tuple[list[float], int]] = []  # places of numbers whose unit may still come
+    mixed = False
     for token in _TOKEN.findall(plain):
         if token in "[]();":
             found.append([])
             continue
         digits = _NUMBER.match(token)
-        rest = token[digits.end() :] if digits else token
-        if rest and rest.casefold() not in spellings(unit):
+        rest = (token[digits.end() :] if digits else token).casefold()
+        if rest and rest not in parts and rest not in spellings(unit):
             raise _not(what, unit, text)
         if digits:
             whole = digits[0].lstrip("+-").isdecimal() and len(digits[0]) <= _MOST_DIGITS
+            bare.append((found[-1], len(found[-1])))
             found[-1].append(int(digits[0]) if whole else float(digits[0]))
+        if rest in parts:
+            mixed = True
+            for row, place in bare:
+                row[place] /= parts[rest]
+        if rest:
+            bare = []
+    if mixed and bare:
+        raise ConfigurationError(f"must have the unit of each number, got {quoted(text)}")
     kept = [row for row in found if row]
     if not kept or re.search(r",\s*,", plain):
         raise _not(what, unit, text)

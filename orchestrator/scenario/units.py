@@ -25,6 +25,10 @@ _WORDS: Mapping[str, Sequence[str]] = {
 }  # fmt: skip
 
 
+PARTS: Mapping[str, Mapping[str, int]] = {"m": {"cm": 100, "mm": 1000}}
+"""Smaller units that people may type for a unit, and how many of them it has."""
+
+
 def spellings(unit: str) -> frozenset[str]:
     """How people may type a unit, in lower case: as it is written, like the suffix, or in words."""
     plain = unit.replace("²", "2").replace("³", "3")

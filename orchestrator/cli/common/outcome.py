@@ -42,6 +42,10 @@ _HINT = f"; {TRACEBACK}=1 shows where"
 _NO_OUTPUT = (errno.ENOSPC, errno.EIO, errno.EBADF, errno.EFBIG, errno.EDQUOT)
 """Errors of writing to standard output; errors of our files have a file name."""
 
+_DECLARATION = "DeclarationError"
+"""Name of the exception of a wrong declaration, which keeps the package that has it from loading.
+"""
+
 _UsageError: Any = typer.BadParameter.__base__
 """Click's exceptions, which Typer keeps in different places."""
 
@@ -130,6 +134,8 @@ def _in_lines() -> Iterator[None]:
     except KeyboardInterrupt as stop:
         _end(stopped_line(stop), stopped(stop))
     except Exception as error:
+        if type(error).__name__ == _DECLARATION:
+            _fail(*str(error).splitlines())
         if isinstance(error, OSError) and error.filename is None and error.errno in _NO_OUTPUT:
             _forget(sys.stdout)
             _fail(f"output: must be writable, got {error.strerror}")

@@ -48,6 +48,9 @@ def component(
     module, sha256, files = _run(path, content, where)
     known = {n: t for n, t in vars(module).items() if _is_component(t, module)}
     if name is None:
+        bare = [n for n, t in vars(module).items() if _lacks_base(t, module)]
+        if not known and len(bare) == 1:
+            raise _without_base(where, path, bare[0])
         if len(known) != 1:
             got = ", ".join(f"{path.name}:{n}" for n in known) or "none"
             raise ConfigurationError(
@@ -62,6 +65,8 @@ def component(
         raise ConfigurationError(
             f"{where} must name a class of {quoted(path.name)}, got {got}{others}"
         )
+    if _lacks_base(maker, module):
+        raise _without_base(where, path, name)
     derived = isinstance(maker, type) and issubclass(maker, Receiver)
     return InFile(path, content, name, key, files, is_receiver=derived), sha256
 
@@ -182,6 +187,19 @@ def packed(thing: InFile) -> InFile:
 def _run(path: Path, content: bytes, where: str) -> Loaded:
     with watch().calling(where.partition(":")[0], IMPORT):
         return run_file(path, content, where)
+
+
+def _lacks_base(thing: Any, module: ModuleType) -> bool:
+    """Whether this is a class of the file like a receiver's that is no component."""
+    own = inspect.isclass(thing) and thing.__module__ == module.__name__
+    return own and hasattr(thing, "update") and not any(hasattr(thing, it) for it in _METHODS)
+
+
+def _without_base(where: str, path: Path, name: str) -> ConfigurationError:
+    return ConfigurationError(
+        f"{where} must be a subclass of sblcosim.Receiver, got class {name} of "
+        f"{quoted(path.name)}; write 'class {name}(sblcosim.Receiver):'"
+    )
 
 
 def _is_component(thing: Any, module: ModuleType) -> bool:

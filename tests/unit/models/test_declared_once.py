@@ -17,8 +17,8 @@ from sblcosim.models.declaration import Component
 from sblcosim.models.receiver.receiver import ReceiverDeclaration, in_order
 from sblcosim.models.receiver.receivers import FOUND as DECLARED
 from sblcosim.models.target.trajectories import FOUND
-from sblcosim.models.target.trajectory import Trajectory, numbered
-from sblcosim.models.target.variables import COMPONENT
+from sblcosim.models.target.trajectory import HORIZONTAL, Trajectory, numbered
+from sblcosim.models.target.variables import COMPONENT, SHARED
 
 ROOT = Path(__file__).parents[3]
 
@@ -66,7 +66,7 @@ def any_trajectory(number: int) -> Trajectory:
 def test_numbers_decide_the_order_and_are_no_one_elses() -> None:
     assert [*numbered({"b": any_trajectory(3), "a": any_trajectory(7), "c": any_trajectory(1)})] \
         == ["c", "b", "a"]  # fmt: skip
-    with pytest.raises(ValueError, match="a number of its own, got 3 for b and c"):
+    with pytest.raises(ValueError, match="a number of its own, got 3 for b and c; 4 is free"):
         numbered({"b": any_trajectory(3), "c": any_trajectory(3)})
 
 
@@ -136,7 +136,16 @@ def test_a_file_in_the_folder_is_a_trajectory(tmp_path: Path) -> None:
     assert names == [v.name for v in COMPONENT]
 
 
+def test_the_recipe_says_which_numbers_and_names_are_free() -> None:
+    text = " ".join((ROOT / "CONTRIBUTING.md").read_text("utf-8").split())
+    assert f"Numbers from {max(it.number for it in FOUND.values()) + 1} are free" in text
+    *first, last = (f"`{v.name}`" for v in SHARED)
+    assert f"the shared {', '.join(first)} and {last} (`HORIZONTAL` is all of them but" in text
+    assert {v.name for v in SHARED} - {*HORIZONTAL} == {"heading"}
+
+
 def test_a_trajectory_that_takes_what_nobody_declares_is_refused(tmp_path: Path) -> None:
     done = added(tmp_path, TAKES.format(takes="radios"))
-    assert "trajectory loop: must take parameters of" in done.stderr
-    assert "got 'radios'" in done.stderr
+    line = done.stderr.splitlines()[-1]
+    assert "DeclarationError: trajectory loop: must take shared parameters (speed, " in line
+    assert line.endswith(" or those of another trajectory, got 'radios'; did you mean 'radius'?")

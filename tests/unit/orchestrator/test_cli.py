@@ -27,6 +27,7 @@ from sblcosim.calibrate import calibrate
 from sblcosim.errors import ConfigurationWarning
 from sblcosim.fmus.build.factory import build
 from sblcosim.models import COMPONENTS, RECEIVERS
+from sblcosim.models.declaration import DeclarationError
 from sblcosim.scenario.scenario import load, shipped
 from sblcosim.simulation.execution import execute
 from seams import Seam
@@ -406,6 +407,7 @@ SHOWS = "; SBLCOSIM_TRACEBACK=1 shows where"
         (RecursionError("too deep"), "this must not happen, please report it: got "
          f"RecursionError: too deep{SHOWS}"),
         (KeyError("a\nb"), f"this must not happen, please report it: got KeyError: 'a\\nb'{SHOWS}"),
+        (DeclarationError(f"zigzag: {99 * 'must '}end"), f"zigzag: {99 * 'must '}end"),
         (OSError(110, "Connection timed out"), "reading and writing must succeed, got Connection "
          f"timed out{SHOWS}"),
         (OSError(28, "No space left on device"), "output: must be writable, got No space left on "

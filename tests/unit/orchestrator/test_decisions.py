@@ -54,7 +54,10 @@ def answers(name: str, begin: Scenario) -> dict[str, Mapping[str, Any]]:
             str([[*row, ] for row in [*points, [0, 3, 1]]]): {"platform.beacons": 4},
         }
         if platform.arrangement == "cross":
-            found |= {"0.4 m": {"platform.arm_length_m": 0.4, "platform.beacons": begin.beacons}}
+            same = {"platform.arm_length_m": 0.4, "platform.beacons": begin.beacons}
+            six = {"platform.arm_length_m": 2.5, "platform.beacons": 6}
+            found |= {"0.4 m": same, "40 cm": same, f"{begin.beacons} x 0.4 m": same,
+                      "6 x 2.5 m": six, "6 arms of 2.5": six, "6×250 cm": six}
         return found
     if name == "gps":
         grades = {grade: {"platform.gps_grade": grade} for grade in GRADES}

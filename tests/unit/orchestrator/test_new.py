@@ -19,6 +19,7 @@ from sblcosim.cli import app
 from sblcosim.models.platform.gps import GRADES
 from sblcosim.scenario.decided import decided
 from sblcosim.scenario.decisions import DECISIONS
+from sblcosim.scenario.explained import explained
 from sblcosim.scenario.file_schema import FILE_NAME
 from sblcosim.scenario.likes import ASKED, LIKES, USUAL
 from sblcosim.scenario.scenario import Scenario, load
@@ -84,6 +85,9 @@ def test_the_example_of_a_question_is_an_answer(name: str) -> None:
      (["--speed", "fast"], "--speed: must be a number in m/s, got 'fast'"),
      (["--beacons", "0.5, 0.5, 1"], "--beacons: must be an array of 3 to 8 rows of 3 numbers, got "
                                     "[0.5, 0.5, 1]"),
+     (["--beacons", "6"], "--beacons: must have a unit or a length, '6 m' for arms of 6 m or "
+                          "'6 x 3 m' for 6 beacons on arms of 3 m, got '6'"),
+     (["--beacons", "9 x 3 m"], "--beacons: must be at most 8, got 9"),
      (["--like", "lbl", "--gps", "rtk"], "--gps: must be left out, as beacons on the bottom have "
                                          "none, got 'rtk'"),
      (["--like", "bouys"], "--like: must be platform, water-linked, buoys, lbl or paper, got "
@@ -113,6 +117,21 @@ def test_the_question_about_the_gps_says_how_good_each_is() -> None:
 def test_a_gps_is_known_under_the_names_that_people_have_for_it(word: str, grade: str) -> None:
     assert new("mine", "--gps", word).exit_code == 0
     assert load("mine.toml").platform.gps_grade == grade
+
+
+def test_the_time_between_pings_is_not_that_of_one_beacon() -> None:
+    """Words say so, of the option and in the file, and say how all ping at once."""
+    for words in (ASKED["pings"].about, explained("time", "sampling_time_s")):
+        assert "One beacon pings after the other, so each of four pings every 4 T" in words
+        assert 'acoustics.schedule = "simultaneous" lets all ping at once' in words
+    takes = DECISIONS["pings"].takes
+    for like, every in (("platform", "4 T"), ("water-linked", "T")):
+        assert takes(load(LIKES[like].source)).endswith(f"each of 4 beacons pings every {every}")
+
+
+def test_noise_may_be_in_centimetres() -> None:
+    assert new("mine", "--noise", "5 cm").exit_code == 0
+    assert load("mine.toml").acoustics.range_std_m == 0.05
 
 
 def test_a_kind_of_system_is_read_in_any_case() -> None:
@@ -215,7 +234,7 @@ def test_enter_keeps_everything_and_asks_for_all() -> None:
         assert " ".join(it.about.split()) in terminal.said()
     for it in ASKED.values():
         assert it.about in terminal.said()
-    for default in ("arms of 3 m", "0 m", "standalone", "2°", "Beaufort 2", "0.1 s", "semicircle",
+    for default in ("4 arms of 3 m", "0 m", "standalone", "2°", "Beaufort 2", "0.1 s", "semicircle",
                     "5 m", "0.5 m/s"):  # fmt: skip
         assert f"[{default}]: " in terminal.shown
 

@@ -202,6 +202,11 @@ CASES: list[tuple[str, str]] = [
     ("broken.py", "must be importable, got ZeroDivisionError: division by zero (broken.py, line 2"),
     ("syntax.py", "must be importable, got SyntaxError: "),
     ("plain.py:Plain", "must make a component, got plain.py:Plain, whose object has no variables"),
+    ("bare.py", "must be a subclass of sblcosim.Receiver, got class Bare of 'bare.py'; write "
+                "'class Bare(sblcosim.Receiver):'"),
+    ("bare.py:Bare", "'bare.py:Bare' must be a subclass of sblcosim.Receiver, got class Bare of "),
+    ("raw", "got 'raw'; 'raw' is shown beside every receiver; as a receiver choose "
+            "'multilateration'"),
     ("init.py", "must make the component, got ValueError: no (init.py:Init in init.py, line 4)"),
     ("outputs.py", "Odd: outputs must be some of velocity, "),
     ("names.py", "Odd: parameters must have names of their own, got 'update'"),
@@ -220,6 +225,7 @@ def test_what_is_no_receiver_is_refused_in_one_line(
         "empty": "import sblcosim\nfrom sblcosim import Receiver\n",
         "broken": "x = 1\n1 / 0\n",
         "syntax": "def\n",
+        "bare": "class Bare:\n    def update(self, samples):\n        return None\n",
         "plain": "class Plain:\n    pass\n",
         "init": HEAD.format("Init") + "    def __init__(self):\n        raise ValueError('no')\n",
         "outputs": HEAD.format("Odd") + "    outputs = ('speed',)\n",

@@ -75,14 +75,31 @@ def test_a_whole_number_stays_one() -> None:
     assert type(typed.number("3.0")) is float
 
 
-@pytest.mark.parametrize("text", ["", " ", "fast", "5 cm", "1,,2", "nan", "inf", "1 2 x", "0x10",
-                                  "1-2", "m", "[]", "--3", "1..2"])  # fmt: skip
+@pytest.mark.parametrize("text", ["", " ", "fast", "5 kg", "5 cs", "1,,2", "nan", "inf", "1 2 x",
+                                  "0x10", "1-2", "m", "[]", "--3", "1..2"])  # fmt: skip
 @pytest.mark.parametrize("read", [typed.number, typed.numbers, typed.rows])
 def test_what_is_no_number_is_refused_with_its_unit(read: Callable[..., object], text: str) -> None:
     with pytest.raises(ConfigurationError) as wrong:
         read(text, "m")
     assert re.fullmatch("must be (a number|numbers) in m, got (.*)", str(wrong.value))
     assert str(wrong.value).endswith(repr(text))
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [("5 cm", [0.05]), ("5CM", [0.05]), ("3 mm", [0.003]), ("10, 20, 50 cm", [0.1, 0.2, 0.5]),
+     ("10 cm 2 m 5 mm", [0.1, 2.0, 0.005]), ("[[10cm, 2m], [1, 2 cm]]", [0.1, 2.0, 0.01, 0.02])],
+)  # fmt: skip
+def test_a_length_may_be_in_smaller_units(text: str, found: list[float]) -> None:
+    """A unit is that of the numbers before it that have none."""
+    assert typed.numbers(text, "m") == found
+
+
+def test_a_number_without_a_unit_after_smaller_ones_is_refused() -> None:
+    with pytest.raises(ConfigurationError, match="must have the unit of each number, got"):
+        typed.numbers("5 cm 2", "m")
+    with pytest.raises(ConfigurationError, match="must be a number in s, got '5 cm'"):
+        typed.number("5 cm", "s")
 
 
 @pytest.mark.parametrize("text", ["0,5", "7,5 m", "0,5 0,5 1,0", "0,5, 0,5, 1", "1 2 3; 0,5 1 2",
