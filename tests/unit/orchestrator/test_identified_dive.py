@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import sblcosim
 from made_logs import made
+from sblcosim.identification.device import NOT
 from sblcosim.logs.log import Log
 
 
@@ -63,6 +64,15 @@ def test_a_given_scenario_keeps_its_dive(tmp_path: Path) -> None:
     file.write_text(base.dump_toml(tmp_path), "utf-8")
     own = sblcosim.identify(replace(log, scenario=file)).scenario()
     assert (own.time, own.target.trajectory) == (base.time, base.target.trajectory)
+
+
+def test_a_scale_that_the_log_does_not_tell_is_not_in_the_scenario() -> None:
+    """As that of buoys whose own GPS moves their places, although it has an interval."""
+    found = sblcosim.identify(made(seconds=60))
+    numbers = [replace(n, told=NOT, low=0.01, high=0.02) if n.parameter == "range_scale" else n
+               for n in found.device.numbers]
+    untold = replace(found, device=replace(found.device, numbers=numbers))
+    assert "acoustics.sound_speed_m_s" not in untold.overrides()
 
 
 @pytest.mark.parametrize("factor", [3.28, 1 / 3.28])
