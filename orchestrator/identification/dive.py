@@ -1,4 +1,4 @@
-"""The dive of a log without a scenario: its slot, its length and its path, as a scenario has them."""
+"""The dive of a log without a scenario: slot, duration and path, as a scenario has them."""
 
 from __future__ import annotations
 

@@ -144,7 +144,8 @@ class Identified(Answer):
             changes |= {key: known[n] for n, key in _GPS_KEYS.items() if n in known}
         assumed = base.acoustics.assumed_sound_speed_m_s
         (scale,) = (n for n in self.device.numbers if n.parameter == "range_scale")
-        if scale.low is not None and scale.high is not None and scale.low * scale.high > 0:
+        ends = (scale.low, scale.high) if scale.told == YES else (None, None)
+        if ends[0] is not None and ends[1] is not None and ends[0] * ends[1] > 0:
             changes["acoustics.sound_speed_m_s"] = assumed / (1 + known["range_scale"])
         offsets = [v for n, v in known.items() if n.startswith("range_offset")]
         if offsets:

@@ -161,8 +161,8 @@ def misfit(log: Log, estimates: Estimates) -> list[str]:
     if usual < max(_MISFIT * length, _MISFIT_M):
         return []
     return [
-        f"ranges do not fit the beacons: half of the residuals are above {meters(usual)}, at ranges "
-        f"of {meters(length)}; check the unit of the ranges and the places of the beacons"
+        f"ranges do not fit the beacons: half of the residuals are above {meters(usual)}, at "
+        f"ranges of {meters(length)}; check the unit of the ranges and the places of the beacons"
     ]
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import sblcosim
 from made_logs import made
+from sblcosim.identification.device import NOT
 from sblcosim.logs.log import Log
 
 
@@ -38,28 +39,40 @@ def test_the_scenario_of_a_log_dives_as_the_log_did(tmp_path: Path) -> None:
     assert len(times) <= 200
     # The log says how far the speed of sound is off: by less than the usual value.
     (scale,) = (n for n in found.device.numbers if n.parameter == "range_scale")
-    assert scale.low is not None and scale.high is not None
+    assert scale.low is not None
+    assert scale.high is not None
     c = dive.acoustics.assumed_sound_speed_m_s / dive.acoustics.sound_speed_m_s - 1
     assert scale.low - 1e-9 <= c <= scale.high + 1e-9
     (said,) = (line for line in found.remarks if line.startswith("scenario: "))
-    assert said.startswith("scenario: from the log, the beacons ping in turn, each every 4.00 s; it "
-                           "lasts 199 s, on the estimated path (200 points")
+    assert said.startswith(
+        "scenario: from the log, the beacons ping in turn, each every 4.00 s; it lasts 199 s, on "
+        "the estimated path (200 points"
+    )
 
 
 def test_beacons_that_ping_together_do_so_in_the_scenario() -> None:
-    dive = sblcosim.identify(at_once(made(seconds=200))).scenario()
+    dive = sblcosim.identify(at_once(made(seconds=100))).scenario()
     assert dive.acoustics.schedule == "simultaneous"
     assert dive.time.sampling_time_s == 4.0
 
 
 def test_a_given_scenario_keeps_its_dive(tmp_path: Path) -> None:
-    log, base = made(seconds=200), sblcosim.load("harbour-lbl")
+    log, base = made(seconds=60), sblcosim.load("harbour-lbl")
     kept = sblcosim.identify(log, scenario=base).scenario()
     assert (kept.time, kept.target.trajectory) == (base.time, base.target.trajectory)
     file = tmp_path / "scenario.toml"
     file.write_text(base.dump_toml(tmp_path), "utf-8")
     own = sblcosim.identify(replace(log, scenario=file)).scenario()
     assert (own.time, own.target.trajectory) == (base.time, base.target.trajectory)
+
+
+def test_a_scale_that_the_log_does_not_tell_is_not_in_the_scenario() -> None:
+    """As that of buoys whose own GPS moves their places, although it has an interval."""
+    found = sblcosim.identify(made(seconds=60))
+    numbers = [replace(n, told=NOT, low=0.01, high=0.02) if n.parameter == "range_scale" else n
+               for n in found.device.numbers]
+    untold = replace(found, device=replace(found.device, numbers=numbers))
+    assert "acoustics.sound_speed_m_s" not in untold.overrides()
 
 
 @pytest.mark.parametrize("factor", [3.28, 1 / 3.28])
