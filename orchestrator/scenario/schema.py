@@ -383,9 +383,9 @@ class Time(Table):
         float, Field(ge=_TICK.min, le=_TICK.max), AfterValidator(settled)
     ] = Field(
         default=float(_TICK.starts[0]),
-        description="The paper's T: time between samples of all sensors and between pings. One "
+        description="The paper's T: time between samples of all sensors and between pings (one "
         "beacon pings after the other, so each of four pings every 4 T; "
-        "acoustics.schedule = \"simultaneous\" lets all ping at once",
+        "acoustics.schedule = \"simultaneous\" lets all ping at once)",
     )
     ekf_ratio: Annotated[int, Field(ge=1, le=1_000_000)] = Field(
         default=1, description="Number of sampling times per update of the receiver"

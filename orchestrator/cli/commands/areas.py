@@ -80,7 +80,8 @@ def map_(
     ] = None,
     runs: Annotated[
         int | None,
-        numeric("--runs", int, "N", "Runs in each cell [default: 20; 500 at a distance]."),
+        numeric("--runs", int, "N", "Runs in each cell [default: 20; 500 at a distance, where the "
+                "data-sheet sentence needs at least 59]."),
     ] = None,
     error: Annotated[
         str,

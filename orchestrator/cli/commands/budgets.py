@@ -70,7 +70,8 @@ def budget(
         ),
     ] = "absolute",
     runs: Annotated[
-        int | None, numeric("--runs", int, "N", "Runs with each switch [default: 400].", low=30)
+        int | None,
+        numeric("--runs", int, "N", "Runs with each switch, at least 30 [default: 400].", low=30),
     ] = None,
     workers: Annotated[
         int | None, numeric("--workers", int, "N", "Parallel workers [default: all cores].", low=1)

@@ -64,6 +64,18 @@ def test_a_noise_free_range_is_the_distance_at_the_ping() -> None:
         assert y["true_range"][beacon] == pytest.approx(length(beacon), abs=1e-12)
 
 
+def test_a_range_is_there_after_the_step_of_its_ping_and_0_before_the_first() -> None:
+    """However long the sound takes: at 50 m/s it arrives after the step."""
+    c = channel(sound_speed=50.0, assumed_sound_speed=50.0)
+    assert c.y["range"].tolist() == [0.0] * 4
+    assert c.y["reception_count"].tolist() == [0] * 4
+    y = tick(c)
+    assert y["reception_count"].tolist() == [1, 0, 0, 0]
+    assert y["range_epoch"][0] == 0.1
+    assert y["arrival_epoch"][0] == pytest.approx(0.1 + length(0) / 50.0, abs=1e-12)
+    assert y["arrival_epoch"][0] > 0.2
+
+
 @pytest.mark.parametrize("velocity", [(0.5, 0.2, -0.1), (-20.0, 3.0, 0.0), (0.0, 0.0, 0.0)])
 def test_sound_meets_the_moving_diver_exactly(velocity: tuple[float, float, float]) -> None:
     c = channel(sound_speed=1480.0, assumed_sound_speed=1500.0)

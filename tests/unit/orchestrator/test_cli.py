@@ -24,10 +24,12 @@ import sblcosim.fmus.build.factory
 from said import apart_from_compiling
 from sblcosim.artifacts import write_table
 from sblcosim.calibrate import calibrate
+from sblcosim.comparison.budget.shares import LEAST_RUNS as BUDGET_RUNS
 from sblcosim.errors import ConfigurationWarning
 from sblcosim.fmus.build.factory import build
 from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.declaration import DeclarationError
+from sblcosim.results.data_sheet import LEAST_RUNS as SENTENCE_RUNS
 from sblcosim.scenario.scenario import load, shipped
 from sblcosim.simulation.execution import execute
 from seams import Seam
@@ -324,6 +326,12 @@ def test_an_error_is_one_line_and_the_exit_code_is_2(
     assert line.startswith("error: ")
     assert message in line
     assert not Path("runs").exists()
+
+
+def test_the_help_says_how_many_runs_are_needed(cli: Callable[..., Result]) -> None:
+    for command, number in (("budget", BUDGET_RUNS), ("map", SENTENCE_RUNS)):
+        said = " ".join(re.sub("[│|]", " ", cli(command, "--help").stdout).split())
+        assert f"at least {number}" in said
 
 
 NUMBERS = {

@@ -7,6 +7,7 @@ import random
 import re
 import subprocess
 import sys
+import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -122,11 +123,28 @@ def test_a_gps_is_known_under_the_names_that_people_have_for_it(word: str, grade
 def test_the_time_between_pings_is_not_that_of_one_beacon() -> None:
     """Words say so, of the option and in the file, and say how all ping at once."""
     for words in (ASKED["pings"].about, explained("time", "sampling_time_s")):
-        assert "One beacon pings after the other, so each of four pings every 4 T" in words
+        assert "ne beacon pings after the other, so each of four pings every 4 T" in words
         assert 'acoustics.schedule = "simultaneous" lets all ping at once' in words
     takes = DECISIONS["pings"].takes
     for like, every in (("platform", "4 T"), ("water-linked", "T")):
         assert takes(load(LIKES[like].source)).endswith(f"each of 4 beacons pings every {every}")
+
+
+def test_the_page_says_what_the_usual_system_takes_to_be_perfect() -> None:
+    """Each of its keys is at a value that makes no error, and the example changes it."""
+    page = (Path(__file__).parents[3] / "docs/howto/own-system.md").read_text("utf-8")
+    table = page[page.index("| perfect in `platform`") : page.index("sblcosim new plain.toml")]
+    named = dict(re.findall(r"`(\w+\.\w+) = ([^`]+)`", table))
+    usual = load(LIKES[USUAL].source)
+    assert len(named) == 7
+    changed = load(usual, [(key, tomllib.loads(f"x = {text}")["x"]) for key, text in named.items()])
+    for key, text in named.items():
+        component, own = key.split(".")
+        before = getattr(getattr(usual, component), own)
+        assert before != getattr(getattr(changed, component), own)
+        assert f"--set {key}={text.strip(chr(34))}" in page
+        assert own in ("sound_speed_m_s", "outlier_mean_m") or not before
+    assert usual.acoustics.sound_speed_m_s == usual.acoustics.assumed_sound_speed_m_s
 
 
 def test_noise_may_be_in_centimetres() -> None:

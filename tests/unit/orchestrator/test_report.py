@@ -34,6 +34,7 @@ from sblcosim.report.page import (
     inline,
     render,
 )
+from sblcosim.report.paper.campaigns import FAVOURABLE
 from sblcosim.report.paper.figures import FIGURES, plot_waves
 from sblcosim.scenario.scenario import load
 from sblcosim.study import study
@@ -230,6 +231,20 @@ def of_runs(**errors: float) -> pd.DataFrame:
     columns = {f"ekf.{name}_rms_m": value * noise for name, value in errors.items()}
     about = {"point": np.repeat([1, 2], 20), "gps": np.repeat([0.1, 3.5], 20)}
     return pd.DataFrame({**about, **columns})
+
+
+def test_the_page_of_the_gallery_has_the_favourable_point() -> None:
+    page = (Path(__file__).parents[3] / "docs/howto/gallery.md").read_text("utf-8")
+    point = ast.literal_eval(page.partition("\nbest = ")[2].partition("\n}")[0] + "}")
+    assert point == {f"{t}.{key}": it for t, keys in FAVOURABLE.items() for key, it in keys.items()}
+
+
+def test_the_page_of_the_gallery_says_how_many_effects_are_tested() -> None:
+    page = (Path(__file__).parents[3] / "docs/howto/gallery.md").read_text("utf-8")
+    factors = len(study.load("paper-scenario-1").points.factors)
+    pairs = factors * (factors - 1) // 2
+    words = f"Scenario 1 has {factors + pairs} tests ({factors} factors and their {pairs} pairs)"
+    assert words in " ".join(page.split())
 
 
 @pytest.mark.parametrize(("n", "figure"), [(1, 14), (2, 21), (3, 27)])
