@@ -132,11 +132,11 @@ def map_distance(
 def _hump(rows: pd.DataFrame, circle: Circle) -> str:
     """Where the error stands out of what is possible, in words; empty if nowhere."""
     possible = rows["possible_p95_m"]
-    usual = (rows["p95_m"] / possible).median()
+    usual = float((rows["p95_m"] / possible).median())
     least = (rows["p95_m"] - CERTAIN * rows["std_error_m"]) / possible
     if not (least > _HUMP * max(usual, 1.0)).any():
         return ""
-    worst = rows.loc[least.idxmax()]
+    worst: Any = rows.iloc[int(np.nanargmax(least))]
     return (
         f"at {figure(worst['distance_m'])} m distance and {figure(worst['depth_m'])} m depth the "
         f"95 % error is {rounded(worst['p95_m'] / worst['possible_p95_m'], 2)} times the possible "
