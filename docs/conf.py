@@ -71,6 +71,7 @@ nb_merge_streams = True
 
 autodoc_typehints = "none"
 autodoc_member_order = "bysource"
+autodoc_default_options = {"no-value": True}  # the declarations of columns are pages long
 napoleon_google_docstring = False
 napoleon_use_ivar = True
 napoleon_attr_annotations = False
@@ -107,6 +108,14 @@ def attributes_in_one_line(app: Any, what: str, name: str, obj: Any, options: An
             lines[i] = f":ivar {names.replace(', ', ',')}{colon}{text}"
 
 
+def colons(app: Any, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
+    """Sentences with a colon: Sphinx takes what stands before it for the type of a property."""
+    if what in ("attribute", "data", "property"):
+        for line in [it for it in lines if it.startswith(":type: ")]:
+            lines.remove(line)
+            lines[0] = f"{line.removeprefix(':type: ')}: {lines[0]}"
+
+
 def on_the_site(app: Any, page: str, source: list[str]) -> None:
     """Show what stands in a comment because only the site can show it, instead of what it has."""
     only = r"<!-- in the repository -->.*?<!-- in the repository and on the site -->"
@@ -115,6 +124,7 @@ def on_the_site(app: Any, page: str, source: list[str]) -> None:
 
 
 def setup(app: Any) -> None:
-    """Connect the functions above, the first one after napoleon has made fields of docstrings."""
+    """Connect the functions above, those for docstrings after napoleon has made fields of them."""
     app.connect("autodoc-process-docstring", attributes_in_one_line, priority=900)
+    app.connect("autodoc-process-docstring", colons, priority=900)
     app.connect("source-read", on_the_site)
