@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from sblcosim.fmus.build.formulas import FONTS
+from sphinx import addnodes
 
 HERE = Path(__file__).parent
 ROOT = HERE.parent
@@ -107,6 +108,22 @@ def attributes_in_one_line(app: Any, what: str, name: str, obj: Any, options: An
             lines[i] = f":ivar {names.replace(', ', ',')}{colon}{text}"
 
 
+def colons(app: Any, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
+    """Sentences with a colon: Sphinx takes what stands before it for the type of a property."""
+    if what in ("attribute", "data", "property"):
+        for line in [it for it in lines if it.startswith(":type: ")]:
+            lines.remove(line)
+            lines[0] = f"{line.removeprefix(':type: ')}: {lines[0]}"
+
+
+def without_long_values(app: Any, doctree: Any) -> None:
+    """Leave out the values of attributes that are declarations of columns, some pages long."""
+    for signature in list(doctree.findall(addnodes.desc_signature)):
+        for part in list(signature.findall(addnodes.desc_annotation)):
+            if len(part.astext()) > 100:
+                part.parent.remove(part)
+
+
 def on_the_site(app: Any, page: str, source: list[str]) -> None:
     """Show what stands in a comment because only the site can show it, instead of what it has."""
     only = r"<!-- in the repository -->.*?<!-- in the repository and on the site -->"
@@ -115,6 +132,8 @@ def on_the_site(app: Any, page: str, source: list[str]) -> None:
 
 
 def setup(app: Any) -> None:
-    """Connect the functions above, the first one after napoleon has made fields of docstrings."""
+    """Connect the functions above, those for docstrings after napoleon has made fields of them."""
     app.connect("autodoc-process-docstring", attributes_in_one_line, priority=900)
+    app.connect("autodoc-process-docstring", colons, priority=900)
+    app.connect("doctree-read", without_long_values)
     app.connect("source-read", on_the_site)

@@ -13,7 +13,7 @@ from sphinx.writers.html5 import HTML5Translator
 
 # After a dot, dash and the like between two words; not in a number, nor in or after --.
 _PLACE = re.compile(
-    r"""(?<=[\w)\]}"'…][._/:|=,(-])(?!(?<=\d\.)\d|(?<=-)[^A-Za-z])(?=[\w{[<("'*…])"""
+    r"""(?<=[\w)\]}"'…][._/:|=,(-])(?!(?<=\d\.)\d|(?<=-)[^A-Za-z])(?=[^\W_]|[{[<("'*…])"""
 )
 _COLUMNS = re.compile(r"\S {2,}\S")
 

@@ -13,8 +13,8 @@ from sphinx.writers.html5 import HTML5Translator
 
 TABLE = "models/SYMBOLS"
 _CLOSING = re.compile(r"[.,;:!?)\]]")
-_JOINED = "&#8288;"
-"""A word joiner: a line may begin with no punctuation."""
+_JOINED = '<span class="joined">{}&#8288;</span>'
+"""A word joiner: a line may begin with no punctuation. Chromium needs a style, too."""
 
 
 def inline(writer: HTML5Translator, node: nodes.math) -> None:
@@ -35,8 +35,8 @@ def _write(writer: HTML5Translator, node: nodes.Element, display: bool) -> None:
     uri = writer.builder.get_relative_uri(page, TABLE)
     made = linked(node.astext(), display, known, f"{uri}#{{}}".format)
     after = node.next_node(nodes.Text, descend=False, siblings=True)
-    joined = _JOINED if after is not None and _CLOSING.match(after.astext()) else ""
-    writer.body.append(f"{made}{joined}")
+    joined = not display and after is not None and _CLOSING.match(after.astext())
+    writer.body.append(_JOINED.format(made) if joined else made)
     raise nodes.SkipNode
 
 
