@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from dataclasses import replace
 from functools import partial
 from math import sqrt
@@ -16,6 +13,7 @@ import direct_bound
 import numpy as np
 import pytest
 import sblcosim
+from sanitized import is_clean
 from sblcosim.areas import motion
 from sblcosim.areas.grid import grid_of
 from sblcosim.areas.possible import possible
@@ -127,10 +125,6 @@ def test_another_compiler_gives_the_same_bits(seam: Seam) -> None:
 
 
 SANITIZED = """
-from sblcosim.fmus.build import compiler
-checks = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
-compiler.FLAGS = (*(f for f in compiler.FLAGS if f != "-O2"), "-O1", *checks)
-compiler.LINK_FLAGS = (*compiler.LINK_FLAGS, *checks)
 from test_bound import BEACONS, a_case, recursion
 beacons = set()
 for seed in range(12):
@@ -139,28 +133,13 @@ for seed in range(12):
     for lanes in (1, 2):
         recursion.covariances(model, epochs, position, q, None, lanes)
 assert {("platform", BEACONS.most), ("field", BEACONS.most)} <= beacons, beacons
-print("clean")
 """
 
 
 @pytest.mark.slow
 def test_it_touches_no_memory_that_is_not_its_own(tmp_path: Path) -> None:
     """Under AddressSanitizer and UndefinedBehaviourSanitizer, with as many beacons as there are."""
-    asan = subprocess.run(
-        ["gcc", "-print-file-name=libasan.so"], capture_output=True, text=True, check=False
-    )
-    if asan.returncode:
-        pytest.skip("there is no gcc with AddressSanitizer")
-    done = subprocess.run(
-        [sys.executable, "-c", SANITIZED],
-        env=os.environ | {
-            "LD_PRELOAD": asan.stdout.strip(), "ASAN_OPTIONS": "detect_leaks=0",
-            "PYTHONMALLOC": "malloc", "SBLCOSIM_CACHE": str(tmp_path), "SBLCOSIM_CC": "gcc",
-            "PYTHONPATH": os.pathsep.join(sys.path),
-        },
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.stdout == "clean\n", done.stderr[-3000:]
+    is_clean(SANITIZED, tmp_path)
 
 
 def test_what_is_too_much_is_refused() -> None:
