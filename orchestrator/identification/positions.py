@@ -193,7 +193,7 @@ class _Problem:
         H = -(self.posterior(at + pairs.reshape(-1, 3)).reshape(3, 3, 4) @ [1, -1, -1, 1])
         values, vectors = np.linalg.eigh((H + H.T) / (8 * _WIDE_STEP**2))
         root = _SPREAD * vectors / np.sqrt(np.maximum(values, _WIDTH**-2))
-        uniform = stats.qmc.Sobol(4, rng=np.random.default_rng(0)).random(DRAWS)
+        uniform = stats.qmc.Sobol(4, seed=np.random.default_rng(0)).random(DRAWS)
         normal = stats.norm.ppf(np.clip(uniform[:, :3], 1e-9, 1 - 1e-9))
         scale = np.sqrt(_FREEDOM / stats.chi2.ppf(np.clip(uniform[:, 3], 1e-9, 1), _FREEDOM))
         draw = normal * scale[:, None]

@@ -1043,5 +1043,5 @@ def test_the_caption_has_the_conditions_of_the_data_sheet(
     it = replace(found, scenario=found.scenario.override(changes.items()))
     words = figures.caption(it)
     assert all(part in words for part in conditions(it.scenario))
-    for wrong in ("exact", "still water"):
+    for wrong in ("exact compass", "still water"):
         assert wrong not in words

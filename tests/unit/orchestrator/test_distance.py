@@ -139,7 +139,7 @@ def test_what_possible_leaves_out_is_the_mean_square_over_directions() -> None:
     found = sblcosim.map_distance(given, "20,40", 5.0, cells=2, runs=2, **SHORT)
     north, east = places.still_beacons(given).mean(0)[:2]
     squares: dict[str, list[float]] = {}
-    for angle in 2 * np.pi * np.arange(8) / 8:
+    for angle in 2 * np.pi * np.arange(16) / 16:
         place = np.array([[north + 20 * np.cos(angle), east + 20 * np.sin(angle), 5.0]])
         span = (SHORT["settling_s"], SHORT["duration_s"])
         for words, it in unknown.squares_in_places(found.scenario, place, span).items():

@@ -466,7 +466,7 @@ def test_the_folder_of_another_study_is_refused(tmp_path: Path) -> None:
     (tmp_path / "mine" / "letter.txt").touch()
     with pytest.raises(ConfigurationError, match=r"got 'letter.txt' in it"):
         small().run(tmp_path / "mine")
-    with pytest.raises(ConfigurationError, match="got a file"):
+    with pytest.raises(ConfigurationError, match=r"got Not a directory$"):
         small().run(tmp_path / "mine" / "letter.txt")
 
 
