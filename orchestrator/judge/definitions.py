@@ -77,8 +77,8 @@ special = Module("scipy.special")
 MANY_LOST = 0.05
 """Share of lost runs that 95 % of the estimates do not show."""
 LOST = (
-    "A run is lost if, in its last quarter, it has no estimate or is off by more than the diver's "
-    "distance to the platform."
+    "A run is lost if, in its last quarter, it has no estimate or is off by more than the distance "
+    "from diver to platform."
 )
 """What the share of lost runs counts, in words for people."""
 BEYOND_NEES = 14.156413609126688
