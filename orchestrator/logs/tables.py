@@ -4,6 +4,24 @@ from __future__ import annotations
 
 from ..data.tables import Columns, TableColumn
 
+
+def _in_time(what: str) -> tuple[TableColumn, ...]:
+    """What is counted of ranges and of values alike, and when they came."""
+    return (
+        TableColumn("left_out", "Number that are left out.", heading="left out", type=int),
+        TableColumn("repeated", "Number of these that were only read again.", heading="repeated",
+                    type=int),
+        TableColumn("used_share", f"Share of its {what} that can be used.", heading="used"),
+        TableColumn("rate_Hz", f"{what.capitalize()} per second, from the first to the last.", "Hz",
+                    "rate"),
+        TableColumn("gaps", "Number of pauses longer than five times the median.", heading="gaps",
+                    type=int),
+        TableColumn("longest_gap_s", f"Longest time between two {what}.", "s", "longest"),
+        TableColumn("first_s", "Time of the first, from the start of the log.", "s"),
+        TableColumn("last_s", "Time of the last.", "s"),
+    )
+
+
 BEACONS = Columns(
     "HeardBeacon",
     "The ranges of one beacon.",
@@ -11,16 +29,7 @@ BEACONS = Columns(
     (
         TableColumn("beacon", "Name of the beacon.", heading="beacon", type=str),
         TableColumn("ranges", "Number of ranges that can be used.", heading="ranges", type=int),
-        TableColumn("left_out", "Number that are left out.", heading="left out", type=int),
-        TableColumn("repeated", "Number of these that were only read again.", heading="repeated",
-                    type=int),
-        TableColumn("used_share", "Share of its ranges that can be used.", heading="used"),
-        TableColumn("rate_Hz", "Ranges per second, from the first to the last.", "Hz", "rate"),
-        TableColumn("gaps", "Number of pauses longer than five times the median.", heading="gaps",
-                    type=int),
-        TableColumn("longest_gap_s", "Longest time between two ranges.", "s", "longest"),
-        TableColumn("first_s", "Time of the first, from the start of the log.", "s"),
-        TableColumn("last_s", "Time of the last.", "s"),
+        *_in_time("ranges"),
         TableColumn("shortest_m", "Shortest range.", "m", "from"),
         TableColumn("median_m", "Median range.", "m", "median"),
         TableColumn("longest_m", "Longest range.", "m", "to"),
@@ -35,16 +44,7 @@ SERIES = Columns(
         TableColumn("series", "``depth``, ``truth``, or ``fixes`` with the name of the device.",
                     heading="series", type=str),
         TableColumn("values", "Number of values that can be used.", heading="values", type=int),
-        TableColumn("left_out", "Number that are left out.", heading="left out", type=int),
-        TableColumn("repeated", "Number of these that were only read again.", heading="repeated",
-                    type=int),
-        TableColumn("used_share", "Share of its values that can be used.", heading="used"),
-        TableColumn("rate_Hz", "Values per second, from the first to the last.", "Hz", "rate"),
-        TableColumn("gaps", "Number of pauses longer than five times the median.", heading="gaps",
-                    type=int),
-        TableColumn("longest_gap_s", "Longest time between two values.", "s", "longest"),
-        TableColumn("first_s", "Time of the first, from the start of the log.", "s"),
-        TableColumn("last_s", "Time of the last.", "s"),
+        *_in_time("values"),
     ),
     unit="",
 )

@@ -23,6 +23,7 @@ from ..common.app import (
     VerboseOption,
     app,
     destination,
+    folder_option,
     numeric,
     one_receiver,
     overrides,
@@ -106,15 +107,7 @@ def map_(
     workers: Annotated[
         int | None, numeric("--workers", int, "N", "Threads [default: all cores].")
     ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out",
-            metavar="DIR",
-            help="Folder for the results [default: runs/NAME-map or runs/NAME-distance, or the "
-            "next number if that holds another one].",
-        ),
-    ] = None,
+    out: Annotated[Path | None, folder_option("runs/NAME-map or runs/NAME-distance")] = None,
     force: ForceOption = False,
     as_json: JsonOption = False,
     seed: SeedOption = None,

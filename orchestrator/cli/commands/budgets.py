@@ -20,6 +20,7 @@ from ..common.app import (
     VerboseOption,
     app,
     destination,
+    folder_option,
     numeric,
     one_receiver,
     overrides,
@@ -76,15 +77,7 @@ def budget(
     workers: Annotated[
         int | None, numeric("--workers", int, "N", "Parallel workers [default: all cores].", low=1)
     ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out",
-            metavar="DIR",
-            help="Folder for the results [default: runs/NAME-budget, or the next number if that "
-            "holds another one].",
-        ),
-    ] = None,
+    out: Annotated[Path | None, folder_option("runs/NAME-budget")] = None,
     force: ForceOption = False,
     as_json: JsonOption = False,
     verbose: VerboseOption = False,

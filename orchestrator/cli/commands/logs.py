@@ -15,6 +15,7 @@ from ..common.app import (
     VerboseOption,
     app,
     destination,
+    folder_option,
     report,
     waiting,
 )
@@ -54,13 +55,7 @@ def log_(
     log: LogArgument,
     mapping: MappingOption = None,
     out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out",
-            metavar="DIR",
-            help="Folder for tables and picture [default: runs/NAME-log, or the next number if "
-            "that holds another one].",
-        ),
+        Path | None, folder_option("runs/NAME-log", what="Folder for tables and picture")
     ] = None,
     convert: Annotated[
         bool,
@@ -97,15 +92,7 @@ def identify(
     log: LogArgument,
     scenario: KnownOption = None,
     mapping: MappingOption = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out",
-            metavar="DIR",
-            help="Folder for the results [default: runs/NAME-identified, or the next number if "
-            "that holds another one].",
-        ),
-    ] = None,
+    out: Annotated[Path | None, folder_option("runs/NAME-identified")] = None,
     force: ForceOption = False,
     as_json: JsonOption = False,
     verbose: VerboseOption = False,

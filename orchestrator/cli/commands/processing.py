@@ -21,6 +21,7 @@ from ..common.app import (
     VerboseOption,
     app,
     destination,
+    folder_option,
     numeric,
     refuse_silence,
     report,
@@ -48,15 +49,7 @@ def process(
             "Time in s between updates of the receivers [default: from the log].", low=1e-6,
         ),
     ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out",
-            metavar="DIR",
-            help="Folder for the results [default: runs/NAME-processed, or the next number if "
-            "that holds another one].",
-        ),
-    ] = None,
+    out: Annotated[Path | None, folder_option("runs/NAME-processed")] = None,
     force: ForceOption = False,
     as_json: JsonOption = False,
     verbose: VerboseOption = False,

@@ -27,6 +27,7 @@ from ..common.app import (
     app,
     beside,
     destination,
+    folder_option,
     numeric,
     overrides,
     refuse_silence,
@@ -46,15 +47,7 @@ def run(
     scenario: RunnableArgument,
     receiver: ReceiverOption = None,
     set_: SetOption = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out",
-            metavar="DIR",
-            help="Folder for the results [default: runs/NAME, or the next number if that holds "
-            "another run].",
-        ),
-    ] = None,
+    out: Annotated[Path | None, folder_option("runs/NAME", holds="run")] = None,
     force: ForceOption = False,
     as_json: JsonOption = False,
     verbose: VerboseOption = False,

@@ -21,6 +21,7 @@ from ..common.app import (
     VerboseOption,
     app,
     destination,
+    folder_option,
     numeric,
     overrides,
     refuse_silence,
@@ -76,15 +77,7 @@ def compare(
     workers: WorkersOption = None,
     master: MasterOption = None,
     step_timeout: StepTimeoutOption = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out",
-            metavar="DIR",
-            help="Folder for the results [default: runs/comparison, or the next number if that "
-            "holds another one].",
-        ),
-    ] = None,
+    out: Annotated[Path | None, folder_option("runs/comparison")] = None,
     force: ForceOption = False,
     as_json: JsonOption = False,
     verbose: VerboseOption = False,

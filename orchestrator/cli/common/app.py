@@ -122,6 +122,22 @@ StepTimeoutOption = Annotated[
         "Time limit in s for a call of an FMU of others or of a Python file [default: 60].",
     ),
 ]
+
+
+def folder_option(default: str, what: str = "Folder for the results", holds: str = "one") -> Any:
+    """The option ``--out`` of a command whose default folder is numbered.
+
+    Parameters
+    ----------
+    default
+        The folder, in words.
+    what, holds
+        What the folder is for, and what may be in it already.
+    """
+    help_ = f"{what} [default: {default}, or the next number if that holds another {holds}]."
+    return typer.Option("--out", metavar="DIR", help=help_)
+
+
 ForceOption = Annotated[
     bool, typer.Option("--force", help="Replace the result of another run in the folder.")
 ]
