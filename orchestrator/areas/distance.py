@@ -130,7 +130,7 @@ def map_distance(
 
 
 def _hump(rows: pd.DataFrame, circle: Circle) -> str:
-    """Where the error stands out of what is possible, in words; empty if nowhere."""
+    """Where the error is far above what is possible, in words; empty if nowhere."""
     possible = rows["possible_p95_m"]
     usual = float((rows["p95_m"] / possible).median())
     least = (rows["p95_m"] - CERTAIN * rows["std_error_m"]) / possible
