@@ -124,13 +124,23 @@ def map_distance(
     return DistanceCurve(
         scenario=moving, receiver=simulator.receiver, settings=settings, motion=str(circle),
         distances=table, failures=simulator.failures,
-        doubt=doubt_of(circle, moving, simulator.receiver, receiver) or _hump(table, circle),
+        doubt=doubt_of(circle, moving, simulator.receiver, receiver) or hump(table, circle),
         left_out=left_out(moving, rings, best, (settling_s, duration_s)),
     )  # fmt: skip
 
 
-def _hump(rows: pd.DataFrame, circle: Circle) -> str:
-    """Where the error is far above what is possible, in words; empty if nowhere."""
+def hump(rows: pd.DataFrame, circle: Circle) -> str:
+    """Where the error is far above what is possible, in words; empty if nowhere.
+
+    Elsewhere it must be nearer to it, and two standard errors must not explain the difference.
+
+    Parameters
+    ----------
+    rows
+        The table of distances.
+    circle
+        How the diver moves.
+    """
     possible = rows["possible_p95_m"]
     usual = float((rows["p95_m"] / possible).median())
     least = (rows["p95_m"] - CERTAIN * rows["std_error_m"]) / possible

@@ -11,10 +11,11 @@ from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
 import pytest
 import sblcosim
 import sblcosim.cli
-from sblcosim.areas import motion, runs
+from sblcosim.areas import distance, motion, runs
 from sblcosim.areas.distance_result import DistanceCurve, row_step
 from sblcosim.areas.rings import Rings, rings_of
 from sblcosim.comparison.many import data_sheet as of_many
@@ -640,3 +641,19 @@ def test_a_distance_that_stands_out_of_the_possible_is_named() -> None:
     assert found.doubt in str(found)
     wider = float(re.findall(r"a radius of (\d+) m", found.doubt)[0])
     assert not sblcosim.map_distance(source, 60, 15.0, radius_m=wider, **options).doubt
+
+
+@pytest.mark.parametrize(("p95", "std_error", "named"), [
+    ((1.0, 1.6, 1.1), 0.05, True), ((1.0, 1.6, 1.1), 0.2, False),  # not told apart from chance
+    ((1.0, 1.2, 1.1), 0.01, False), ((2.0, 2.1, 2.2), 0.01, False),  # no better anywhere else
+    ((1.0, np.nan, 1.1), 0.05, False),
+])  # fmt: skip
+def test_a_distance_stands_out_only_where_chance_does_not_explain_it(
+    p95: tuple[float, ...], std_error: float, named: bool
+) -> None:
+    rows = pd.DataFrame({
+        "distance_m": [0.0, 6.0, 12.0], "depth_m": 5.0, "p95_m": p95, "possible_p95_m": 1.0,
+        "std_error_m": std_error,
+    })  # fmt: skip
+    said = distance.hump(rows, motion.Circle(3.0, 0.5))
+    assert said.startswith("at 6 m distance and 5 m depth ") if named else not said

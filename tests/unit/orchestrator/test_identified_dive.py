@@ -50,6 +50,16 @@ def test_the_scenario_of_a_log_dives_as_the_log_did(tmp_path: Path) -> None:
     )
 
 
+def test_a_dive_whose_ranges_begin_late_departs_then() -> None:
+    log = made(seconds=120, truth=False)
+    heard = log.receptions
+    late = heard.chosen(heard.epoch_ns >= log.start_ns + 20 * 10**9)
+    dive = sblcosim.identify(replace(log, receptions=late)).scenario()
+    assert 19.5 < dive.target.departure_time_s < 25.0
+    assert dive.target.track_time_s[0] == 0.0
+    assert dive.time.duration_s == 119.0
+
+
 def test_beacons_that_ping_together_do_so_in_the_scenario() -> None:
     dive = sblcosim.identify(at_once(made(seconds=100))).scenario()
     assert dive.acoustics.schedule == "simultaneous"
