@@ -1,7 +1,7 @@
 """Equations of the Acoustics (the paper's sections 2 and 2.3; the packet loss of section 4).
 
-Echoes and profiles of the speed of sound are in a loop of their own, and so is two-way ranging, so
-that a channel without them costs nothing.
+Echoes and profiles of the speed of sound are in a loop of their own, and so are two-way and
+inverted ranging, so that a channel without them costs nothing.
 """
 
 from __future__ import annotations
@@ -58,6 +58,7 @@ def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
         "answer_chance": ca.repmat(p.loss_probability, n, 1),
         "asked_position": ca.SX.zeros(n, 3),
         "asked_epoch": t,
+        "listening": 0,
     }
 
 
@@ -114,6 +115,15 @@ _DRAWS_OF_ROUND_TRIP = (
     *(replace(draw, occasion=_ROUND_TRIP)
       for draw in _DRAWS if draw.occasion == "tick" and draw.name != "loss"),
 )
+_ARRIVAL = "arrival"
+"""The loop over the beacons that hear the ping of the diver."""
+_DRAWS_OF_ARRIVALS = (
+    Draw("arrival_loss", "uniform", _ARRIVAL, 1, ("loss_probability",)),
+    *(Draw(f"arrival_{mirror}_echo", "uniform", _ARRIVAL, 1, (f"{mirror}_echo_probability",))
+      for mirror in ("surface", "bottom")),
+    *(replace(draw, occasion=_ARRIVAL)
+      for draw in _DRAWS if draw.occasion == "tick" and draw.name != "loss"),
+)
 
 
 def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Values:
@@ -126,22 +136,29 @@ def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Val
         (p.schedule == it.number) * (it.together(p.beacons) - 1)
         for it in SCHEDULES.values() if it.together(p.beacons) > 1
     )
-    asked = _asked(p)
+    asked, listening = _asked(p), _listening(p)
+    others = others * (1 - listening)
     sounding = (
         (p.surface_echo_probability + p.bottom_echo_probability + p.profile_count > 0)
-        * (1 - asked) * (others + 1)
+        * (1 - asked) * (1 - listening) * (others + 1)
     )
     partial = prod(p.packet_content != it.number for it in CONTENTS.values() if it.is_everything)
     return {
         **_ping(p, x, u, w, t, turn), "turn": turn, "waiting": others,
         "sounding": sounding, "unwritten": partial + _is_rounded(p) > 0,
         "asking": asked * (others + 1),
+        "listening": listening * p.beacons,
     }
 
 
 def _asked(p: Symbols) -> Any:
     """1 if beacons answer requests, else 0."""
     return sum(p.ranging == it.number for it in RANGINGS.values() if it.legs > 1)
+
+
+def _listening(p: Symbols) -> Any:
+    """1 if beacons listen for pings of the diver, else 0."""
+    return sum(p.ranging == it.number for it in RANGINGS.values() if it.from_diver)
 
 
 def _counted_round(p: Symbols, place: Any) -> Any:
@@ -167,7 +184,7 @@ def _ping(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, turn: Any) -> 
     chance = sum(ca.if_else(it, x.loss_chance[i], 0) for i, it in enumerate(is_turn))
     received = w.loss >= chance * _UNIFORMS
     after = ca.if_else(received, x.loss_after[0], x.loss_after[1])
-    heard = received * (1 - _asked(p))
+    heard = received * (1 - _asked(p)) * (1 - _listening(p))
     return {
         **_latched(x, u, t, [heard * it for it in is_turn], {
             "range": _measured(p, x, w, t, travel_time),
@@ -221,11 +238,11 @@ def _latched(x: Symbols, u: Symbols, t: Any, new: list[Any], values: Values) -> 
         ))
 
     values = {
-        **values,
         "range_epoch": t,
         "ping_beacon_position": u.reported_beacon_position,
         "ping_platform_position": u.reported_position.T,
         "ping_platform_attitude": u.reported_attitude.T,
+        **values,
     }
     return {name: latch(ca.SX(value), getattr(x, name)) for name, value in values.items()}
 
@@ -287,10 +304,7 @@ def _round_trip(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Value
     """
     is_turn = _is_turn(p, x, x.turn)
     beacon = _pinging(u, is_turn)
-    slot = t - x.asked_epoch
-    known = (x.asked_epoch > x.start) * (slot > 0)
-    moved = (beacon - _row(x.asked_position, is_turn)) / ca.if_else(known, slot, 1)
-    drift = ca.if_else(known, moved, 0) * p.motion_during_travel
+    drift = _drift(p, x, beacon, is_turn, t)
     half = p.turnaround / 2
     lengths, times, arrived, chances = [], [], [], {}
     for leg, sign in zip(_LEGS, (-1, 1), strict=True):
@@ -336,6 +350,63 @@ def _round_trip(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Value
     }
 
 
+def _drift(p: Symbols, x: Symbols, beacon: Any, is_turn: list[Any], t: Any) -> Any:
+    """Velocity of a beacon over the last slot [m/s]; 0 in the first one."""
+    slot = t - x.asked_epoch
+    known = (x.asked_epoch > x.start) * (slot > 0)
+    moved = (beacon - _row(x.asked_position, is_turn)) / ca.if_else(known, slot, 1)
+    return ca.if_else(known, moved, 0) * p.motion_during_travel
+
+
+def _arrival(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
+    """Arrival of the diver's ping at one of the beacons, the last one first.
+
+    The tick is when the ping passes the middle of the beacons. It left the diver before, and comes
+    to each beacon a little earlier or later. Diver and beacon move at constant velocities, the
+    beacon at that of the last slot.
+    """
+    is_turn = _is_turn(p, x, x.turn)
+    beacon = _pinging(u, is_turn)
+    drift = _drift(p, x, beacon, is_turn, t)
+    middle = ca.sum1(u.beacon_position).T / p.beacons
+    speed = mean_speed(p, (middle[2], u.target_position[2]))
+    since = leg_length(p, u.target_position - middle, -u.target_velocity, speed) / speed
+    diver = u.target_position - since * p.motion_during_travel * u.target_velocity
+    direct, time, echo = _leg(
+        p, beacon - since * drift, drift, diver,
+        [getattr(w, f"arrival_{mirror}_echo") for mirror in ("surface", "bottom")],
+    )
+    chance = x.request_chance
+    heard = w.arrival_loss >= _UNIFORMS * sum(
+        ca.if_else(it, chance[i], 0) for i, it in enumerate(is_turn)
+    )
+    after = ca.if_else(heard, x.loss_after[0], x.loss_after[1])
+    travel_time = ca.if_else(heard, time, echo)
+    new = [it * (heard + (echo < _NEVER) > 0) for it in is_turn]
+    measured = _rounded(_measured(p, x, w, t, travel_time), p.range_resolution)
+    late = travel_time - since
+    carried = ca.repmat((drift * late).T, p.beacons, 1)
+    return {
+        **_latched(x, u, t, new, {
+            "range": ca.repmat(measured, p.beacons, 1),
+            "true_range": direct,
+            "reception_count": x.reception_count + 1,
+            "ping_beacon_position": u.reported_beacon_position + carried,
+            "arrival_epoch": t + late,
+        }),
+        "request_chance": ca.vertcat(*(
+            ca.if_else(it, after, chance[i]) for i, it in enumerate(is_turn)
+        )),
+        "packet_beacon_position": ca.if_else(
+            sum(new) > 0, u.reported_beacon_position, x.packet_beacon_position
+        ),
+        "asked_position": ca.if_else(x.listening > 1, x.asked_position, u.beacon_position),
+        "asked_epoch": ca.if_else(x.listening > 1, x.asked_epoch, t),
+        "turn": ca.if_else(x.turn > 0, x.turn - 1, p.beacons - 1),
+        "listening": x.listening - 1,
+    }
+
+
 def _leg(p: Symbols, diver: Any, velocity: Any, beacon: Any, drawn: list[Any]
          ) -> tuple[Any, Any, Any]:
     """Length of the direct path [m], its travel time, and that of the earliest echo [s].
@@ -343,9 +414,10 @@ def _leg(p: Symbols, diver: Any, velocity: Any, beacon: Any, drawn: list[Any]
     Parameters
     ----------
     diver, beacon
-        Positions when the sound is at the beacon, NED [m].
+        Positions when the sound is at the beacon, NED [m]; or, if the diver pings, those of the
+        beacon and of the diver.
     velocity
-        That of the diver, in the direction of the sound's time, NED [m/s].
+        That of the first of them, in the direction of the sound's time, NED [m/s].
     drawn
         Uniform numbers for the echoes from surface and bottom.
     """
@@ -430,7 +502,9 @@ EQUATIONS = Equations(
         Loop(_OTHERS, lambda p, x, u, t: x.waiting, _other),
         Loop(_CHANNEL, lambda p, x, u, t: x.sounding, _sound),
         Loop(_ROUND_TRIP, lambda p, x, u, t: x.asking, _round_trip),
+        Loop(_ARRIVAL, lambda p, x, u, t: x.listening, _arrival),
         Loop(_PACKET, lambda p, x, u, t: x.unwritten, _written),
     ),
-    draws=(*_DRAWS, *_DRAWS_OF_OTHERS, *_DRAWS_OF_CHANNEL, *_DRAWS_OF_ROUND_TRIP),
+    draws=(*_DRAWS, *_DRAWS_OF_OTHERS, *_DRAWS_OF_CHANNEL, *_DRAWS_OF_ROUND_TRIP,
+           *_DRAWS_OF_ARRIVALS),
 )

@@ -1,4 +1,4 @@
-"""Declaration of the Acoustics: the channel between beacons and diver, one-way or two-way."""
+"""Declaration of the Acoustics: the channel between beacons and diver."""
 
 from __future__ import annotations
 
@@ -32,21 +32,24 @@ from ..ports import (
 )
 from .contents import CONTENTS, PACKET_CONTENT, POSED
 from .range_errors import FOUND
-from .ranging import RANGING, RANGINGS
+from .ranging import INVERTED, RANGING, RANGINGS
 from .schedules import ORDERED, SCHEDULE, SCHEDULES
 
 _CLOCK = ("clock_offset_std", "clock_drift_std")
 _TURNAROUND = ("turnaround_std", "turnaround_bias_std")
-_ONE_WAY = (is_one_of("ranging", RANGING, "one_way"),)
-_TWO_WAY = (is_one_of("ranging", RANGING, "two_way"),)
+_ANSWERED = tuple(name for name, it in RANGINGS.items() if it.legs > 1)
+_CLOCKED = (is_one_of("ranging", RANGING, *(name for name in RANGINGS if name not in _ANSWERED)),)
+_TWO_WAY = (is_one_of("ranging", RANGING, *_ANSWERED),)
+_INVERTED = (is_one_of("ranging", RANGING, *INVERTED),)
+_IN_TURN = (is_one_of("ranging", RANGING, *(name for name in RANGINGS if name not in INVERTED)),)
 
 
 def _random() -> Iterator[tuple[Condition, ...]]:
     """Requirements for anything to be random; in each group, at least one condition must hold."""
-    clock, turnaround = (not_zero(*_CLOCK), _ONE_WAY), (not_zero(*_TURNAROUND), _TWO_WAY)
+    clock, turnaround = (not_zero(*_CLOCK), _CLOCKED), (not_zero(*_TURNAROUND), _TWO_WAY)
     for first, *rest in product(*(it.random for it in FOUND.values() if it.random)):
         for one, other in product(clock, turnaround):
-            if (one, other) != (_ONE_WAY, _TWO_WAY):  # one of these always holds
+            if (one, other) != (_CLOCKED, _TWO_WAY):  # one of these always holds
                 yield (
                     *not_zero(*first, "loss_probability"), *one, *other, *not_zero(*chain(*rest))
                 )
@@ -85,6 +88,11 @@ TURNAROUND = (
               "run share", "s", min=0.0, max=1.0, needs=(_TWO_WAY,)),
 )
 """The way to range, and the delay of answers."""
+ARRIVALS = (
+    parameter("range_resolution", "Step of the times of arrival, as a range; 0: they are not "
+              "rounded", "m", min=0.0, max=1000.0, needs=(_INVERTED,)),
+)
+"""How exactly beacons time the diver's ping."""
 
 
 def _in_turn(shape: tuple[int, ...]) -> tuple[int, ...]:
@@ -94,17 +102,17 @@ def _in_turn(shape: tuple[int, ...]) -> tuple[int, ...]:
 COMPONENT = Component(
     name="Acoustics",
     number=3,
-    description="Ranging, one-way or two-way, one beacon per slot or all at once, with noise, "
-    "loss, outliers and clock errors",
+    description="Ranging, one-way, two-way or inverted, one beacon per slot or all at once, with "
+    "noise, loss, outliers and clock errors",
     interval="sampling_time",
     variables=(
         tick_interval("sampling_time", "Time between pings: the slot of the round robin"),
         *noise_keys(*_random()),
         choice("schedule", f"Whether {alternatives(it.words for it in SCHEDULES.values())}",
-               SCHEDULE, 1),
+               SCHEDULE, 1, needs=(_IN_TURN,)),
         parameter("slot_order", "Beacon that pings in each slot of a round", shape=(BEACONS,),
                   type="Int32", start=_in_turn, min=1, max=BEACONS.most,
-                  needs=((is_one_of("schedule", SCHEDULE, *ORDERED),),)),
+                  needs=((is_one_of("schedule", SCHEDULE, *ORDERED),), _IN_TURN)),
         parameter("sound_speed", "True speed of sound", "m/s", start=1500.0, min=1.0, max=10000.0),
         parameter("assumed_sound_speed", "Speed of sound that the receiver uses to form ranges",
                   "m/s", start=1500.0, min=1.0, max=10000.0),
@@ -114,16 +122,16 @@ COMPONENT = Component(
                   max=1.0),
         *FOUND["outliers"].parameters,
         parameter("clock_offset", "Receiver's clock minus the beacons' clock at the start", "s",
-                  needs=(_ONE_WAY,)),
+                  needs=(_CLOCKED,)),
         parameter("clock_offset_std", "Standard deviation of the offset that each run adds to it",
-                  "s", min=0.0, needs=(_ONE_WAY,)),
+                  "s", min=0.0, needs=(_CLOCKED,)),
         parameter("clock_drift", "Drift of the receiver's clock", "s/s", min=-0.1, max=0.1,
-                  needs=(_ONE_WAY,)),
+                  needs=(_CLOCKED,)),
         parameter("clock_drift_std", "Standard deviation of the drift that each run adds", "s/s",
-                  min=0.0, needs=(_ONE_WAY,)),
+                  min=0.0, needs=(_CLOCKED,)),
         parameter("clock_sync_age", "Time between the last synchronisation of the clocks and "
                   "the start; they drift during it", "s", min=0.0,
-                  needs=(not_zero("clock_drift", "clock_drift_std"), _ONE_WAY)),
+                  needs=(not_zero("clock_drift", "clock_drift_std"), _CLOCKED)),
         parameter("processing_delay", "Time the receiver takes before it stamps an arrival", "s",
                   min=0.0, max=1.0),
         parameter("processing_delay_correction", "Delay that the receiver subtracts", "s",
@@ -139,6 +147,7 @@ COMPONENT = Component(
           for v in it.parameters),
         *CHANNEL,
         *TURNAROUND,
+        *ARRIVALS,
         *ports(MOTION, "input", "target_"),
         *ports(BEACON_POSITIONS, "input"),
         *ports(REPORTED_POSE, "input"),

@@ -46,6 +46,9 @@ DRAWS = (
     Draw("own_gps", "normal", "buoys", 6, _scales(*_GPS, "std", "markov_std"), each=BEACONS),
     *seaway.DRAWS,
     *mooring.DRAWS,
+    Draw("misalignment", "normal", "initial", 3, tuple(
+        f"misalignment_{angle}_std" for angle in ("tilt", "tilt", "heading")
+    )),
 )
 
 
@@ -72,10 +75,17 @@ def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
         "waiting": 0,
         "mounting": p.gps_shared * (
             p.mounting_error + p.mounting_std * ca.reshape(w.mounting, 3, p.beacons).T
-        ),
+        ) + p.gps_shared * _turned(p, w.misalignment),
         **seaway.still(),
         **mooring.still(),
     }
+
+
+def _turned(p: Symbols, numbers: Any) -> Any:
+    """How far a misaligned frame moves each beacon, body frame, one per row [m]."""
+    tilt, heading = p.misalignment_tilt_std, p.misalignment_heading_std
+    R = rotation(ca.vertcat(tilt, tilt, heading) * numbers)
+    return _beacons(p) @ (R - ca.SX.eye(3)).T
 
 
 def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Values:

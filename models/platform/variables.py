@@ -44,7 +44,7 @@ def _any(sensor: str, axes: tuple[str, ...], *parts: str) -> tuple[Condition, ..
 _REDRAWN = (*_any("gps", _GPS_AXES, "std", "markov_std"),
             *_any("imu", _IMU_AXES, "std", "markov_std"))
 _DRAWN = (*_REDRAWN, *_any("gps", _GPS_AXES, "bias_std"), *_any("imu", _IMU_AXES, "turn_on_std"),
-          *not_zero("mounting_std"))
+          *not_zero("mounting_std", "misalignment_tilt_std", "misalignment_heading_std"))
 _WAVES = not_zero(*(f"{axis}_amplitude" for axis in (*ANGLES, *DISPLACEMENTS)))
 _SINES, _SPECTRUM = ((is_one_of("motion", MOTION, name),) for name in MOTION.values())
 _SEA = not_zero("wave_height")
@@ -171,6 +171,10 @@ COMPONENT = Component(
                   "beacon and axis: of mounting, or of surveying beacons on the bottom", "m",
                   min=0.0,
                   needs=(_SHARED,)),
+        *(parameter(f"misalignment_{angle}_std", "Standard deviation of the rotation of all beacons "
+                    f"together {what}, which each run draws: that of mounting an array", "rad",
+                    min=0.0, max=1.0, needs=(_SHARED,))
+          for angle, what in (("tilt", "in roll and in pitch"), ("heading", "in heading"))),
         switch("gps_shared", "Whether one GPS and one IMU place all beacons; if not, each beacon "
                "hangs below a buoy with its own GPS, whose errors are independent", True),
         parameter("gps_antenna_offset", "Position of the GPS antenna relative to the reference "
