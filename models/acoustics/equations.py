@@ -20,6 +20,7 @@ from .propagation import images, leg_length, mean_speed, path_length
 from .range_errors import FOUND
 from .ranging import RANGINGS
 from .schedules import SCHEDULES
+from .shadow import of_course
 from .variables import COMPONENT
 
 _UNIFORMS = 2.0**53
@@ -114,6 +115,11 @@ _DRAWS_OF_ROUND_TRIP = (
     *(replace(draw, occasion=_ROUND_TRIP)
       for draw in _DRAWS if draw.occasion == "tick" and draw.name != "loss"),
 )
+_SHADOW = ("shadow_loss_probability",)
+_DRAWS_OF_SHADOW = (
+    *(Draw("shadow", "uniform", it, 1, _SHADOW) for it in ("tick", _OTHERS)),
+    *(Draw(f"{leg}_shadow", "uniform", _ROUND_TRIP, 1, _SHADOW) for leg in _LEGS),
+)
 
 
 def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Values:
@@ -162,12 +168,13 @@ def _other(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
 def _ping(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, turn: Any) -> Values:
     """The packet of the beacon that pings now."""
     is_turn = _is_turn(p, x, turn)
-    true_range = path_length(p, u, _pinging(u, is_turn), p.sound_speed)
+    beacon = _pinging(u, is_turn)
+    true_range = path_length(p, u, beacon, p.sound_speed)
     travel_time = true_range / p.sound_speed
     chance = sum(ca.if_else(it, x.loss_chance[i], 0) for i, it in enumerate(is_turn))
     received = w.loss >= chance * _UNIFORMS
     after = ca.if_else(received, x.loss_after[0], x.loss_after[1])
-    heard = received * (1 - _asked(p))
+    heard = received * (w.shadow >= _shade(p, u, beacon) * _UNIFORMS) * (1 - _asked(p))
     return {
         **_latched(x, u, t, [heard * it for it in is_turn], {
             "range": _measured(p, x, w, t, travel_time),
@@ -182,6 +189,16 @@ def _ping(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, turn: Any) -> 
             ca.if_else(it, after, x.loss_chance[i]) for i, it in enumerate(is_turn)
         )),
     }
+
+
+def _shade(p: Symbols, u: Symbols, beacon: Any) -> Any:
+    """Probability that the diver's body takes a packet. The condition skips it without a shadow."""
+    offset = beacon - u.target_position
+    chance = of_course(
+        ca, [offset[i] for i in range(3)], [u.target_velocity[i] for i in range(2)],
+        p.shadow_direction, p.shadow_loss_probability, p.shadow_half_width,
+    )
+    return ca.if_else(p.shadow_loss_probability > 0, chance, 0)
 
 
 def _is_turn(p: Symbols, x: Symbols, turn: Any) -> list[Any]:
@@ -292,6 +309,7 @@ def _round_trip(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Value
     moved = (beacon - _row(x.asked_position, is_turn)) / ca.if_else(known, slot, 1)
     drift = ca.if_else(known, moved, 0) * p.motion_during_travel
     half = p.turnaround / 2
+    shade = _shade(p, u, beacon)
     lengths, times, arrived, chances = [], [], [], {}
     for leg, sign in zip(_LEGS, (-1, 1), strict=True):
         velocity = sign * u.target_velocity * p.motion_during_travel
@@ -307,6 +325,7 @@ def _round_trip(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Value
         chances[f"{leg}_chance"] = ca.vertcat(*(
             ca.if_else(it, after, chance[i]) for i, it in enumerate(is_turn)
         ))
+        heard = heard * (getattr(w, f"{leg}_shadow") >= shade * _UNIFORMS)
         lengths.append(direct)
         times.append(ca.if_else(heard, time, echo))
         arrived.append(heard + (echo < _NEVER) > 0)
@@ -432,5 +451,6 @@ EQUATIONS = Equations(
         Loop(_ROUND_TRIP, lambda p, x, u, t: x.asking, _round_trip),
         Loop(_PACKET, lambda p, x, u, t: x.unwritten, _written),
     ),
-    draws=(*_DRAWS, *_DRAWS_OF_OTHERS, *_DRAWS_OF_CHANNEL, *_DRAWS_OF_ROUND_TRIP),
+    draws=(*_DRAWS, *_DRAWS_OF_OTHERS, *_DRAWS_OF_CHANNEL, *_DRAWS_OF_ROUND_TRIP,
+           *_DRAWS_OF_SHADOW),
 )

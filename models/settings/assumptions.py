@@ -98,7 +98,8 @@ SOURCES: Mapping[str, Sequence[str]] = {
     "outlier_probability": (
         "acoustics.outlier_probability", "acoustics.outlier_mean_m", "acoustics.loss_probability",
         "acoustics.surface_echo_probability", "acoustics.bottom_echo_probability",
-        "acoustics.water_depth_m", "acoustics.ranging",
+        "acoustics.water_depth_m", "acoustics.ranging", "acoustics.shadow_loss_probability",
+        "acoustics.shadow_half_width_deg",
     ),
     "outlier_mean_m": (
         "acoustics.outlier_mean_m", "acoustics.outlier_probability", "acoustics.loss_probability",
@@ -106,6 +107,7 @@ SOURCES: Mapping[str, Sequence[str]] = {
         "acoustics.water_depth_m", "acoustics.ranging", "platform.beacon_m",
         "platform.arm_length_m", "platform.beacon_depth_m", "platform.beacon_scale",
         "platform.mean_position_m", "platform.mean_heading_deg", "target.trajectory",
+        "acoustics.shadow_loss_probability", "acoustics.shadow_half_width_deg",
     ),
     "assumed_sound_speed_m_s": ("acoustics.assumed_sound_speed_m_s",),
     "clock_std_m": (

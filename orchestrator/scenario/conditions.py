@@ -172,9 +172,13 @@ def _ranges(acoustics: Any) -> Iterator[str]:
     yield f"range noise {figure(noise)} m (1σ)" if noise else "ranges without noise"
     if acoustics.loss_probability:
         yield f"{rough_percent(acoustics.loss_probability)} packet loss{_bursts(acoustics)}"
+    shadow = acoustics.shadow_loss_probability
+    if shadow:
+        yield f"{rough_percent(shadow)} loss in the shadow of the diver's body"
     mirrors = [
         mirror for mirror in ("surface", "bottom")
-        if acoustics.loss_probability and getattr(acoustics, f"{mirror}_echo_probability")
+        if (acoustics.loss_probability or shadow)
+        and getattr(acoustics, f"{mirror}_echo_probability")
         and (mirror == "surface" or acoustics.water_depth_m)
     ]
     if mirrors:

@@ -191,6 +191,10 @@ SOURCES: Mapping[str, Source] = {
         Source("outliers", FOUND["outliers"].words, (Part(("acoustics.outlier_probability",)),)),
         Source("packet loss", "packet loss", (Part(("acoustics.loss_probability",)),)),
         Source(
+            "shadow", "the shadow of the diver's body",
+            (Part(("acoustics.shadow_loss_probability",)),),
+        ),
+        Source(
             "echoes", "echoes from surface and bottom",
             tuple(Part((f"acoustics.{it}_echo_probability",)) for it in ("surface", "bottom")),
         ),

@@ -484,7 +484,9 @@ def test_every_error_is_in_the_model_or_named(source: str, ranging: str) -> None
             if has_own_errors(changed.platform) != own:
                 continue  # another model
             moves = own and "_amplitude" in v.key
-            received = v.key in ("loss_probability", "surface_echo_probability")
+            received = v.key in (
+                "loss_probability", "surface_echo_probability", "shadow_loss_probability"
+            )
             if moves or (table, v.key) in changed.idle() or received:
                 assert unknown.left_out(changed) == ()
                 continue
