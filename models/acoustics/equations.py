@@ -15,6 +15,7 @@ import casadi as ca
 
 from ..equations import Draw, Equations, Loop, Symbols, Values
 from ..geometry import rotation
+from ..ports import BEACONS
 from .contents import CONTENTS, Content
 from .propagation import images, leg_length, mean_speed, path_length
 from .range_errors import FOUND
@@ -54,7 +55,9 @@ def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
         "sounding": 0,
         "unwritten": 0,
         "asking": 0,
-        "turnaround_error": p.turnaround_bias_std * w.turnaround_bias,
+        "turnaround_error": (
+            p.turnaround_bias_std * w.turnaround_bias + p.turnaround_beacon_std * w.turnaround_each
+        ),
         "request_chance": ca.repmat(p.loss_probability, n, 1),
         "answer_chance": ca.repmat(p.loss_probability, n, 1),
         "asked_position": ca.SX.zeros(n, 3),
@@ -114,6 +117,9 @@ _DRAWS_OF_ROUND_TRIP = (
       for leg in _LEGS for mirror in ("surface", "bottom")),
     *(replace(draw, occasion=_ROUND_TRIP)
       for draw in _DRAWS if draw.occasion == "tick" and draw.name != "loss"),
+)
+_DRAW_OF_EACH = Draw(
+    "turnaround_each", "normal", "initial", 1, ("turnaround_beacon_std",), each=BEACONS
 )
 _SHADOW = ("shadow_loss_probability",)
 _DRAWS_OF_SHADOW = (
@@ -331,7 +337,8 @@ def _round_trip(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Value
         arrived.append(heard + (echo < _NEVER) > 0)
     new = [it * arrived[0] * arrived[1] for it in is_turn]
     late = (
-        x.turnaround_error + p.turnaround_std * w.turnaround
+        sum(ca.if_else(it, x.turnaround_error[i], 0) for i, it in enumerate(is_turn))
+        + p.turnaround_std * w.turnaround
         + p.processing_delay - p.processing_delay_correction
     )
     measured = p.assumed_sound_speed * ((times[0] + times[1] + late) / 2)
@@ -452,5 +459,5 @@ EQUATIONS = Equations(
         Loop(_PACKET, lambda p, x, u, t: x.unwritten, _written),
     ),
     draws=(*_DRAWS, *_DRAWS_OF_OTHERS, *_DRAWS_OF_CHANNEL, *_DRAWS_OF_ROUND_TRIP,
-           *_DRAWS_OF_SHADOW),
+           _DRAW_OF_EACH, *_DRAWS_OF_SHADOW),
 )

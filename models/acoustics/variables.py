@@ -37,7 +37,7 @@ from .ranging import RANGING, RANGINGS
 from .schedules import ORDERED, SCHEDULE, SCHEDULES
 
 _CLOCK = ("clock_offset_std", "clock_drift_std")
-_TURNAROUND = ("turnaround_std", "turnaround_bias_std")
+_TURNAROUND = ("turnaround_std", "turnaround_bias_std", "turnaround_beacon_std")
 _LOSSES = ("loss_probability", "shadow_loss_probability")
 _ONE_WAY = (is_one_of("ranging", RANGING, "one_way"),)
 _TWO_WAY = (is_one_of("ranging", RANGING, "two_way"),)
@@ -98,6 +98,9 @@ TURNAROUND = (
               max=1.0, needs=(_TWO_WAY,)),
     parameter("turnaround_bias_std", "Standard deviation of the error in it that all answers of a "
               "run share", "s", min=0.0, max=1.0, needs=(_TWO_WAY,)),
+    parameter("turnaround_beacon_std", "Standard deviation of the error in it that all answers of "
+              "a beacon share in a run, drawn for each beacon", "s", min=0.0, max=1.0,
+              needs=(_TWO_WAY,)),
 )
 """The way to range, and the delay of answers."""
 

@@ -36,6 +36,9 @@ _WAVES = (
     "platform.motion", "platform.wave_height_m", "platform.wave_period_s",
     "platform.wave_peak_enhancement", "platform.raft_size_m", "platform.raft_draught_m",
 )
+_DELAY = (
+    "acoustics.turnaround_beacon_std_s", "acoustics.ranging", "acoustics.assumed_sound_speed_m_s",
+)
 _MOORING = ("platform.watch_circle_m", "platform.mooring_time_s")
 
 SOURCES: Mapping[str, Sequence[str]] = {
@@ -125,11 +128,11 @@ SOURCES: Mapping[str, Sequence[str]] = {
     "depth_bias_std_m": ("target.depth_bias_m", "target.depth_bias_std_m"),
     "beacon_error_std_m": (
         "platform.gps_horizontal_bias_std_m", "platform.gps_horizontal_markov_std_m",
-        "platform.mounting_std_m", "platform.gps_shared",
+        "platform.mounting_std_m", "platform.gps_shared", *_DELAY,
     ),
     "beacon_vertical_error_std_m": (
         "platform.gps_vertical_bias_std_m", "platform.gps_vertical_markov_std_m",
-        "platform.mounting_std_m", "platform.gps_shared",
+        "platform.mounting_std_m", "platform.gps_shared", *_DELAY,
     ),
     "beacon_error_time_s": (
         "platform.gps_correlation_time_s", "platform.gps_horizontal_markov_std_m",
@@ -246,16 +249,24 @@ def range_noise(acoustics: Any) -> Any:
     return hypot(acoustics.range_std_m, late)
 
 
-def mounting_noise(platform: Any, acoustics: Any) -> Any:
-    """Standard deviation of white range noise equivalent to the mounting errors [m].
-
-    All ranges of a beacon share its mounting error. A filter that ignores them overestimates its
-    information, the more so the more often beacons ping.
-    """
-    if not platform.gps_shared:
+def lasting_delay(acoustics: Any) -> Any:
+    """Standard deviation of what the turn-around of each beacon adds to all its ranges [m]."""
+    if legs(acoustics.ranging) == 1:
         return 0.0
-    fixed = platform.mounting_error_m or (0.0,)
-    square = platform.mounting_std_m**2 + sum(v * v for v in fixed) / len(fixed)
+    return acoustics.assumed_sound_speed_m_s / 2 * acoustics.turnaround_beacon_std_s
+
+
+def mounting_noise(platform: Any, acoustics: Any) -> Any:
+    """Standard deviation of white range noise equivalent to what lasts for each beacon [m].
+
+    All ranges of a beacon share its mounting error, and all its answers a part of the error of the
+    turn-around. A filter that ignores them overestimates its information, the more so the more
+    often beacons ping.
+    """
+    square = lasting_delay(acoustics) ** 2
+    if platform.gps_shared:
+        fixed = platform.mounting_error_m or (0.0,)
+        square += platform.mounting_std_m**2 + sum(v * v for v in fixed) / len(fixed)
     beacons = len(beacons_of(platform)) // 3
     slots = beacons / SCHEDULES[acoustics.schedule].together(beacons)
     pings = 2 * _MOUNTING_MEMORY / (slots * acoustics.sampling_time_s)
@@ -326,10 +337,12 @@ def _vertical_error(platform: Any) -> dict[str, Any]:
 def _of_each_beacon(platform: Any, acoustics: Any) -> dict[str, Any]:
     """Errors of the reported beacon positions if each beacon has its own."""
     survey = platform.mounting_std_m if platform.gps_shared else 0.0
+    # A lasting delay is as if the beacon were farther away.
+    delay = lasting_delay(acoustics)
     horizontal, vertical = (
         hypot(
             getattr(platform, f"gps_{axis}_bias_std_m"),
-            getattr(platform, f"gps_{axis}_markov_std_m"), survey,
+            getattr(platform, f"gps_{axis}_markov_std_m"), survey, delay,
         )
         for axis in ("horizontal", "vertical")
     )

@@ -165,7 +165,9 @@ def _ranges(acoustics: Any) -> Iterator[str]:
     """Noise, loss, echoes and outliers of ranges, and how wrong the assumed speed of sound is."""
     if legs(acoustics.ranging) > 1:
         yield "two-way ranging"
-        error = hypot(acoustics.turnaround_std_s, acoustics.turnaround_bias_std_s)
+        error = hypot(*(
+            getattr(acoustics, f"turnaround_{end}_s") for end in ("std", "bias_std", "beacon_std")
+        ))
         if error:
             yield f"turn-around error {figure(1e3 * error)} ms (1σ)"
     noise = acoustics.range_std_m

@@ -39,6 +39,7 @@ FLOOR = 0.01
 """Standard deviation [m] of ranges and depth readings when switched off. A diver moves about as far
 while the sound travels. With a smaller value, a receiver trusts its model too much."""
 SURVEY = "platform.mounting_std_m"
+DELAYS = "acoustics.turnaround_beacon_std_s"
 """Included in the bound for beacons with their own errors, but not in that for a platform."""
 
 
@@ -168,7 +169,8 @@ SOURCES: Mapping[str, Source] = {
         ),
         Source(
             "turn-around", "the turn-around of beacons that answer",
-            tuple(Part((f"acoustics.turnaround_{end}_s",)) for end in ("std", "bias_std")),
+            (*(Part((f"acoustics.turnaround_{end}_s",)) for end in ("std", "bias_std")),
+             _left_out(DELAYS)),
         ),
         Source(
             "processing delay", "the processing delay",

@@ -212,6 +212,7 @@ Overrides = TypedDict(
         "acoustics.turnaround_s": float | None,
         "acoustics.turnaround_std_s": float | None,
         "acoustics.turnaround_bias_std_s": float | None,
+        "acoustics.turnaround_beacon_std_s": float | None,
         "acoustics.shadow_loss_probability": float | None,
         "acoustics.shadow_half_width_deg": float | None,
         "acoustics.shadow_direction_deg": float | None,

@@ -114,7 +114,7 @@ def test_the_errors_of_a_run_are_seen_alone_or_only_with_others() -> None:
     """Keys of sources that are wrong only with another key, or make the truth itself move."""
     spectrum = {"platform.wave_height_m", "platform.watch_circle_m"}
     echoes = {"acoustics.surface_echo_probability", "acoustics.bottom_echo_probability"}
-    two_way = {"acoustics.turnaround_std_s", "acoustics.turnaround_bias_std_s"}
+    two_way = {f"acoustics.turnaround_{it}_s" for it in ("std", "bias_std", "beacon_std")}
     assert {*KEYS} - wrong() == {
         *MOVING, *spectrum, *echoes, *two_way, "acoustics.clock_sync_age_s"
     }
