@@ -63,12 +63,12 @@ SOURCES: Mapping[str, Sequence[str]] = {
     "platform_velocity_std_m_s": (
         "platform.surge_amplitude_m", "platform.surge_frequency_Hz", "platform.sway_amplitude_m",
         "platform.sway_frequency_Hz",
-        *_WAVES, *_MOORING,
+        *_WAVES, *_MOORING, "platform.boat_speed_m_s",
     ),
     "platform_velocity_time_s": (
         "platform.surge_amplitude_m", "platform.surge_frequency_Hz", "platform.sway_amplitude_m",
         "platform.sway_frequency_Hz",
-        *_WAVES, *_MOORING,
+        *_WAVES, *_MOORING, "platform.boat_speed_m_s",
     ),
     "heading_rate_std_deg_s": ("platform.yaw_amplitude_deg", "platform.yaw_frequency_Hz"),
     "heading_rate_time_s": ("platform.yaw_amplitude_deg", "platform.yaw_frequency_Hz"),
@@ -385,7 +385,27 @@ def _motion(platform: Any, axes: Sequence[str], std: str, time: str) -> dict[str
 
 
 def _velocity(platform: Any) -> dict[str, Any]:
-    """RMS velocity of the platform per axis, and its correlation time."""
+    """RMS velocity of the platform per axis, and its correlation time.
+
+    The velocity of a boat under way is constant. It adds to the mean square, and the time grows as
+    much, so that the noise that changes the velocity, 2 σ²/τ, stays that of waves and drift.
+    """
+    told = _wavering(platform)
+    std, time = (told.get(f"platform_velocity_{it}") for it in ("std_m_s", "time_s"))
+    way = platform.boat_speed_m_s
+    total = hypot(std, way / _ROOT_2)
+    moves = std > 0
+    longer = (_STILL if time is None else time) * ratio(total, where(moves, std, 1.0)) ** 2
+    slow = where(moves, longer, _STILL)
+    return {
+        "platform_velocity_std_m_s": where(way > 0, total, std),
+        **_known("platform_velocity_time_s", (std + way) > 0,
+                 where(way > 0, slow, _STILL if time is None else time)),
+    }
+
+
+def _wavering(platform: Any) -> dict[str, Any]:
+    """The same of waves and drift alone."""
     if is_sine(platform, "surge"):
         return _motion(platform, ("surge", "sway"), "platform_velocity_std_m_s",
                        "platform_velocity_time_s")

@@ -66,6 +66,10 @@ def squares(scenario: Scenario, position: Floats, since_s: Floats) -> dict[str, 
         NaN where ranges say nothing of the place, or nothing is known of such an error.
     """
     found = {}
+    p = scenario.platform
+    course = np.deg2rad(p.boat_course_deg)
+    way = p.boat_speed_m_s * np.array([cos(course), sin(course), 0.0])
+    position = position - np.asarray(since_s, float)[:, None] * way
     for words, keys in _by_source(scenario):
         if DELAYS in keys:
             found[words] = _delayed(scenario, position)

@@ -91,6 +91,8 @@ Overrides = TypedDict(
         "platform.stream": int | None,
         "platform.mean_position_m": Sequence[float] | None,
         "platform.mean_heading_deg": float | None,
+        "platform.boat_speed_m_s": float | None,
+        "platform.boat_course_deg": float | None,
         "platform.arrangement": Literal["cross", "given"] | None,
         "platform.arm_length_m": float | None,
         "platform.beacon_depth_m": float | None,

@@ -452,7 +452,7 @@ def test_parameters_are_the_true_ones() -> None:
 MEASURED = (
     "frequency", "phase", "sampling_time", "correlation_time", "temperature_rate", "step_time",
     "mean_position", "mean_heading", "heave", "roll", "pitch", "beacon_m", "beacon_depth",
-    "beacon_scale", "packet_angle", "loss_burst", "water_depth", "wave_period",
+    "beacon_scale", "packet_angle", "loss_burst", "water_depth", "wave_period", "boat_",
 )
 """Parts of keys: where things are, how they move, and when, is in the record of a run."""
 
