@@ -76,7 +76,7 @@ def log_of(raw: Raw) -> Log:
         name=meta.name or raw.name, meta=meta, beacons=beacons, receptions=heard,
         depth_ns=depth_ns, depth=depth, truth=truth, fixes=fixes,
         findings=tuple(raw.findings), remarks=(*raw.remarks, *remarks), scenario=raw.scenario,
-        entries=entries,
+        entries=entries, **_two_way(raw.tables.get("receptions")),
     )
 
 
@@ -262,6 +262,16 @@ def _kinds(table: pd.DataFrame) -> Any:
         return np.full(len(table), KINDS[0])
     words = table["kind"].map(_word)
     return words.where(words.isin(KINDS), KINDS[0]).to_numpy(str)
+
+
+def _two_way(table: pd.DataFrame | None) -> dict[str, float]:
+    """Share of two-way ranges, and their usual turn-around [s]."""
+    if table is None or table.empty:
+        return {}
+    asked = _kinds(table) == "two-way"
+    waits = _turn_around(table)[asked]
+    return {"two_way": float(asked.mean()),
+            "turnaround_s": float(np.median(waits)) if len(waits) else 0.0}
 
 
 def _with_both_times(table: pd.DataFrame, meta: Meta) -> pd.DataFrame:
