@@ -391,7 +391,8 @@ def _velocity(platform: Any) -> dict[str, Any]:
     much, so that the noise that changes the velocity, 2 σ²/τ, stays that of waves and drift.
     """
     told = _wavering(platform)
-    std, time = (told.get(f"platform_velocity_{it}") for it in ("std_m_s", "time_s"))
+    std: Any = told["platform_velocity_std_m_s"]
+    time = told.get("platform_velocity_time_s")
     way = platform.boat_speed_m_s
     total = hypot(std, way / _ROOT_2)
     moves = std > 0
