@@ -28,9 +28,9 @@ def plot_drift(circle_m, time_s):
         off = np.hypot(north, east)
         distance.axhline(circle_m, ls="--", color=look.ink, label="watch circle")
         distance.plot(record.time_ns / 60e9, off, color=look.receivers[1], lw=0.8)
-        inside = np.mean(off <= circle_m)
+        inside = 100 * np.mean(off <= circle_m)
         distance.set(xlabel="Time [min]", ylabel="Distance [m]",
-                     title=f"within the circle for {inside:.0%} of this half hour")
+                     title=f"within the circle for {inside:.0f} % of this half hour")
         distance.set_ylim(0, 1.25 * circle_m)
         distance.legend(loc="upper right")
     return distance

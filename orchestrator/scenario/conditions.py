@@ -76,7 +76,9 @@ def sea(platform: Any) -> Iterator[str]:
     else:
         moving = [*_waves(platform, known), *_amplitudes(platform, ("yaw",), "deg", "°", known)]
     yield from moving
-    if not moving and not known:
+    if platform.boat_speed_m_s:
+        yield f"boat under way at {figure(platform.boat_speed_m_s)} m/s"
+    elif not moving and not known:
         rests = "platform" if errors_of(platform) in (None, "platform") else "beacons"
         yield f"{rests} at rest"
 

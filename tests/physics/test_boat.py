@@ -14,6 +14,7 @@ from sblcosim.errors import ConfigurationError
 from sblcosim.limits.unknown import squares
 from sblcosim.results.sums import responses
 from sblcosim.scenario.arrangement import has_own_errors
+from sblcosim.scenario.conditions import conditions as words_of
 from sblcosim.scenario.scenario import load
 from sblcosim.scenario.wiring import connect
 from sblcosim.simulation.resolve import resolve
@@ -105,6 +106,13 @@ def test_coupled_is_near_the_bound(course: float, more: dict[str, Any]) -> None:
     assert lost == 0.0
     assert rms / bound < 1.1 + 2 * error * rms / bound
     assert 2.7 < nees < 3.4
+
+
+def test_the_data_sheet_says_so() -> None:
+    quiet = {"platform": WAY}
+    assert "boat under way at 0.5 m/s" in words_of(load(quiet))
+    assert "at rest" not in words_of(load(quiet))
+    assert "under way" not in words_of(load("realistic-dive"))
 
 
 def test_surveyed_beacons_do_not_sail() -> None:
