@@ -52,7 +52,9 @@ def scraper(
 
 
 def in_the_paper(title: str) -> str:
-    """What the paper says of a figure, below ours."""
+    """What the paper says of a figure, below ours; nothing for a figure that it does not have."""
+    if not title.startswith("Figure "):
+        return ""
     number = int(title.removeprefix("Figure ").partition(":")[0])
     facts = facts_of_figure(number)
     text = f"\n**In the paper** (section {facts['section']}): {facts['shows']}."

@@ -15,11 +15,13 @@ import casadi as ca
 
 from ..equations import Draw, Equations, Loop, Symbols, Values
 from ..geometry import rotation
+from ..ports import BEACONS
 from .contents import CONTENTS, Content
 from .propagation import images, leg_length, mean_speed, path_length
 from .range_errors import FOUND
 from .ranging import RANGINGS
 from .schedules import SCHEDULES
+from .shadow import of_course
 from .variables import COMPONENT
 
 _UNIFORMS = 2.0**53
@@ -53,7 +55,9 @@ def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
         "sounding": 0,
         "unwritten": 0,
         "asking": 0,
-        "turnaround_error": p.turnaround_bias_std * w.turnaround_bias,
+        "turnaround_error": (
+            p.turnaround_bias_std * w.turnaround_bias + p.turnaround_beacon_std * w.turnaround_each
+        ),
         "request_chance": ca.repmat(p.loss_probability, n, 1),
         "answer_chance": ca.repmat(p.loss_probability, n, 1),
         "asked_position": ca.SX.zeros(n, 3),
@@ -119,10 +123,19 @@ _ARRIVAL = "arrival"
 """The loop over the beacons that hear the ping of the diver."""
 _DRAWS_OF_ARRIVALS = (
     Draw("arrival_loss", "uniform", _ARRIVAL, 1, ("loss_probability",)),
+    Draw("arrival_shadow", "uniform", _ARRIVAL, 1, ("shadow_loss_probability",)),
     *(Draw(f"arrival_{mirror}_echo", "uniform", _ARRIVAL, 1, (f"{mirror}_echo_probability",))
       for mirror in ("surface", "bottom")),
     *(replace(draw, occasion=_ARRIVAL)
       for draw in _DRAWS if draw.occasion == "tick" and draw.name != "loss"),
+)
+_DRAW_OF_EACH = Draw(
+    "turnaround_each", "normal", "initial", 1, ("turnaround_beacon_std",), each=BEACONS
+)
+_SHADOW = ("shadow_loss_probability",)
+_DRAWS_OF_SHADOW = (
+    *(Draw("shadow", "uniform", it, 1, _SHADOW) for it in ("tick", _OTHERS)),
+    *(Draw(f"{leg}_shadow", "uniform", _ROUND_TRIP, 1, _SHADOW) for leg in _LEGS),
 )
 
 
@@ -179,12 +192,14 @@ def _other(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
 def _ping(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, turn: Any) -> Values:
     """The packet of the beacon that pings now."""
     is_turn = _is_turn(p, x, turn)
-    true_range = path_length(p, u, _pinging(u, is_turn), p.sound_speed)
+    beacon = _pinging(u, is_turn)
+    true_range = path_length(p, u, beacon, p.sound_speed)
     travel_time = true_range / p.sound_speed
     chance = sum(ca.if_else(it, x.loss_chance[i], 0) for i, it in enumerate(is_turn))
     received = w.loss >= chance * _UNIFORMS
     after = ca.if_else(received, x.loss_after[0], x.loss_after[1])
-    heard = received * (1 - _asked(p)) * (1 - _listening(p))
+    pinging = (1 - _asked(p)) * (1 - _listening(p))
+    heard = received * (w.shadow >= _shade(p, u, beacon) * _UNIFORMS) * pinging
     return {
         **_latched(x, u, t, [heard * it for it in is_turn], {
             "range": _measured(p, x, w, t, travel_time),
@@ -199,6 +214,16 @@ def _ping(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, turn: Any) -> 
             ca.if_else(it, after, x.loss_chance[i]) for i, it in enumerate(is_turn)
         )),
     }
+
+
+def _shade(p: Symbols, u: Symbols, beacon: Any) -> Any:
+    """Probability that the diver's body takes a packet. The condition skips it without a shadow."""
+    offset = beacon - u.target_position
+    chance = of_course(
+        ca, [offset[i] for i in range(3)], [u.target_velocity[i] for i in range(2)],
+        p.shadow_direction, p.shadow_loss_probability, p.shadow_half_width,
+    )
+    return ca.if_else(p.shadow_loss_probability > 0, chance, 0)
 
 
 def _is_turn(p: Symbols, x: Symbols, turn: Any) -> list[Any]:
@@ -306,6 +331,7 @@ def _round_trip(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Value
     beacon = _pinging(u, is_turn)
     drift = _drift(p, x, beacon, is_turn, t)
     half = p.turnaround / 2
+    shade = _shade(p, u, beacon)
     lengths, times, arrived, chances = [], [], [], {}
     for leg, sign in zip(_LEGS, (-1, 1), strict=True):
         velocity = sign * u.target_velocity * p.motion_during_travel
@@ -321,12 +347,14 @@ def _round_trip(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Value
         chances[f"{leg}_chance"] = ca.vertcat(*(
             ca.if_else(it, after, chance[i]) for i, it in enumerate(is_turn)
         ))
+        heard = heard * (getattr(w, f"{leg}_shadow") >= shade * _UNIFORMS)
         lengths.append(direct)
         times.append(ca.if_else(heard, time, echo))
         arrived.append(heard + (echo < _NEVER) > 0)
     new = [it * arrived[0] * arrived[1] for it in is_turn]
     late = (
-        x.turnaround_error + p.turnaround_std * w.turnaround
+        sum(ca.if_else(it, x.turnaround_error[i], 0) for i, it in enumerate(is_turn))
+        + p.turnaround_std * w.turnaround
         + p.processing_delay - p.processing_delay_correction
     )
     measured = p.assumed_sound_speed * ((times[0] + times[1] + late) / 2)
@@ -381,6 +409,7 @@ def _arrival(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
         ca.if_else(it, chance[i], 0) for i, it in enumerate(is_turn)
     )
     after = ca.if_else(heard, x.loss_after[0], x.loss_after[1])
+    heard = heard * (w.arrival_shadow >= _shade(p, u, beacon) * _UNIFORMS)
     travel_time = ca.if_else(heard, time, echo)
     new = [it * (heard + (echo < _NEVER) > 0) for it in is_turn]
     measured = _rounded(_measured(p, x, w, t, travel_time), p.range_resolution)
@@ -506,5 +535,5 @@ EQUATIONS = Equations(
         Loop(_PACKET, lambda p, x, u, t: x.unwritten, _written),
     ),
     draws=(*_DRAWS, *_DRAWS_OF_OTHERS, *_DRAWS_OF_CHANNEL, *_DRAWS_OF_ROUND_TRIP,
-           *_DRAWS_OF_ARRIVALS),
+           _DRAW_OF_EACH, *_DRAWS_OF_SHADOW, *_DRAWS_OF_ARRIVALS),
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import chain, product
+from math import pi
 
 from ..declaration import (
     Component,
@@ -36,7 +37,8 @@ from .ranging import INVERTED, RANGING, RANGINGS
 from .schedules import ORDERED, SCHEDULE, SCHEDULES
 
 _CLOCK = ("clock_offset_std", "clock_drift_std")
-_TURNAROUND = ("turnaround_std", "turnaround_bias_std")
+_TURNAROUND = ("turnaround_std", "turnaround_bias_std", "turnaround_beacon_std")
+_LOSSES = ("loss_probability", "shadow_loss_probability")
 _ANSWERED = tuple(name for name, it in RANGINGS.items() if it.legs > 1)
 _CLOCKED = (is_one_of("ranging", RANGING, *(name for name in RANGINGS if name not in _ANSWERED)),)
 _TWO_WAY = (is_one_of("ranging", RANGING, *_ANSWERED),)
@@ -51,7 +53,7 @@ def _random() -> Iterator[tuple[Condition, ...]]:
         for one, other in product(clock, turnaround):
             if (one, other) != (_CLOCKED, _TWO_WAY):  # one of these always holds
                 yield (
-                    *not_zero(*first, "loss_probability"), *one, *other, *not_zero(*chain(*rest))
+                    *not_zero(*first, *_LOSSES), *one, *other, *not_zero(*chain(*rest))
                 )
 
 
@@ -63,13 +65,13 @@ CHANNEL = (
               needs=(not_zero("loss_probability"),)),
     parameter("water_depth", "Depth of the bottom below the mean surface; 0: no bottom", "m",
               min=0.0, max=12000.0,
-              needs=(not_zero("loss_probability"), not_zero("bottom_echo_probability"))),
+              needs=(not_zero(*_LOSSES), not_zero("bottom_echo_probability"))),
     parameter("surface_echo_probability", "Probability that the echo from the surface arrives "
               "where the direct path is lost", min=0.0, max=1.0,
-              needs=(not_zero("loss_probability"),)),
+              needs=(not_zero(*_LOSSES),)),
     parameter("bottom_echo_probability", "Probability that the echo from the bottom arrives where "
               "the direct path is lost", min=0.0, max=1.0,
-              needs=(not_zero("loss_probability"), not_zero("water_depth"))),
+              needs=(not_zero(*_LOSSES), not_zero("water_depth"))),
     Variable("profile_count", "Number of points of the profile of the speed of sound; 0: it is the "
              "same everywhere", "parameter", start=0, min=0, max=PROFILE, type="Int32"),
     parameter("profile_depth", "Depths of the points, increasing", "m", shape=(PROFILE,),
@@ -78,6 +80,19 @@ CHANNEL = (
               start=1500.0, min=1.0, max=10000.0, needs=(not_zero("profile_count"),)),
 )
 """Bursts of losses, echoes, and the profile of the speed of sound."""
+SHADOW = (
+    parameter("shadow_loss_probability", "Probability that the diver's body takes a packet from a "
+              "beacon in the middle of its shadow, in addition to other losses; 0: no shadow",
+              min=0.0, max=1.0),
+    parameter("shadow_half_width", "Angle from the middle of the shadow at which half of this "
+              "probability is left", "rad", start=pi / 4, min=0.01, max=pi / 2,
+              needs=(not_zero("shadow_loss_probability"),)),
+    parameter("shadow_direction", "Middle of the shadow, clockwise from the diver's course: "
+              "behind the diver, unless the hydrophone is on the other side of the body", "rad",
+              start=pi, min=-2 * pi, max=2 * pi,
+              needs=(not_zero("shadow_loss_probability"),)),
+)
+"""The shadow of the diver's body."""
 TURNAROUND = (
     choice("ranging", f"Whether {alternatives(it.words for it in RANGINGS.values())}", RANGING, 1),
     parameter("turnaround", "Time from the end of a request to the start of the answer, as the "
@@ -86,6 +101,9 @@ TURNAROUND = (
               max=1.0, needs=(_TWO_WAY,)),
     parameter("turnaround_bias_std", "Standard deviation of the error in it that all answers of a "
               "run share", "s", min=0.0, max=1.0, needs=(_TWO_WAY,)),
+    parameter("turnaround_beacon_std", "Standard deviation of the error in it that all answers of "
+              "a beacon share in a run, drawn for each beacon", "s", min=0.0, max=1.0,
+              needs=(_TWO_WAY,)),
 )
 """The way to range, and the delay of answers."""
 ARRIVALS = (
@@ -148,6 +166,7 @@ COMPONENT = Component(
         *CHANNEL,
         *TURNAROUND,
         *ARRIVALS,
+        *SHADOW,
         *ports(MOTION, "input", "target_"),
         *ports(BEACON_POSITIONS, "input"),
         *ports(REPORTED_POSE, "input"),

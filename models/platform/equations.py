@@ -127,7 +127,7 @@ def _output(motion: Motion, p: Symbols, x: Symbols, u: Symbols, t: Any) -> Value
     inclination, displacement = motion(p, x, t)
     mean_attitude = ca.vertcat(0, 0, p.mean_heading)
     attitude = mean_attitude + inclination
-    position = p.mean_position + displacement
+    position = p.mean_position + displacement + _way(p, t - x.start)
     reported_attitude = mean_attitude + _measured(p, inclination) + _imu_error(p, x, t)
 
     R = rotation(attitude)
@@ -146,6 +146,14 @@ def _output(motion: Motion, p: Symbols, x: Symbols, u: Symbols, t: Any) -> Value
         "reported_position": ca.if_else(p.gps_shared, reported_position, 0),
         "reported_attitude": ca.if_else(p.gps_shared, reported_attitude, 0),
     }
+
+
+def _way(p: Symbols, since: Any) -> Any:
+    """What a boat under way has covered [m]. The condition skips the sines of one that is not."""
+    north, east = ca.cos(p.boat_course), ca.sin(p.boat_course)
+    return ca.vertcat(*(
+        ca.if_else(p.boat_speed != 0, p.boat_speed * since * it, 0) for it in (north, east)
+    ), 0)
 
 
 def _wave(p: Symbols, axis: str, t: Any, phase: Any) -> Any:

@@ -147,8 +147,13 @@ COMPONENT = Component(
         tick_interval("sampling_time", "Time between draws of the GPS and IMU errors",
                       needs=((*_REDRAWN, *_SPECTRUM), (*_REDRAWN, *_MOORED))),
         *noise_keys(*_RANDOM),
-        parameter("mean_position", "Mean position of the reference point, NED", "m", shape=(3,)),
+        parameter("mean_position", "Mean position of the reference point, NED; of a boat under "
+                  "way at the start", "m", shape=(3,)),
         parameter("mean_heading", "Mean yaw", "rad", min=-2 * pi, max=2 * pi),
+        parameter("boat_speed", "Speed of a boat under way, along its course; 0: the platform "
+                  "stays where it is", "m/s", min=0.0, max=20.0),
+        parameter("boat_course", "Course of a boat under way, clockwise from north", "rad",
+                  min=-2 * pi, max=2 * pi, needs=(not_zero("boat_speed"),)),
         choice("arrangement", "Where the beacons are: at the ends of a cross with equal arms, the "
                "first one forward, or at given positions", ARRANGEMENT, 1),
         parameter("arm_length", "Length of each arm of the cross: the paper's baseline", "m",

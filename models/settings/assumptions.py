@@ -10,8 +10,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..acoustics.contents import PLACED
-from ..acoustics.ranging import legs
-from ..acoustics.schedules import SCHEDULES
+from ..acoustics.ranging import INVERTED, legs
+from ..acoustics.schedules import pinging
 from ..receiver.variables import SLOWEST_TILT
 from ..symbols import absolute
 from .beacons import beacons_of
@@ -35,6 +35,9 @@ _ANGLES = (*_PACKET, "acoustics.packet_angle_resolution_deg")
 _WAVES = (
     "platform.motion", "platform.wave_height_m", "platform.wave_period_s",
     "platform.wave_peak_enhancement", "platform.raft_size_m", "platform.raft_draught_m",
+)
+_DELAY = (
+    "acoustics.turnaround_beacon_std_s", "acoustics.ranging", "acoustics.assumed_sound_speed_m_s",
 )
 _MOORING = ("platform.watch_circle_m", "platform.mooring_time_s")
 
@@ -60,12 +63,12 @@ SOURCES: Mapping[str, Sequence[str]] = {
     "platform_velocity_std_m_s": (
         "platform.surge_amplitude_m", "platform.surge_frequency_Hz", "platform.sway_amplitude_m",
         "platform.sway_frequency_Hz",
-        *_WAVES, *_MOORING,
+        *_WAVES, *_MOORING, "platform.boat_speed_m_s",
     ),
     "platform_velocity_time_s": (
         "platform.surge_amplitude_m", "platform.surge_frequency_Hz", "platform.sway_amplitude_m",
         "platform.sway_frequency_Hz",
-        *_WAVES, *_MOORING,
+        *_WAVES, *_MOORING, "platform.boat_speed_m_s",
     ),
     "heading_rate_std_deg_s": ("platform.yaw_amplitude_deg", "platform.yaw_frequency_Hz"),
     "heading_rate_time_s": ("platform.yaw_amplitude_deg", "platform.yaw_frequency_Hz"),
@@ -85,20 +88,23 @@ SOURCES: Mapping[str, Sequence[str]] = {
     "imu_heading_error_std_deg": (
         "platform.imu_heading_bias_deg", "platform.imu_heading_turn_on_std_deg",
         "platform.imu_heading_step_deg", "platform.imu_heading_markov_std_deg",
+        "platform.misalignment_heading_std_deg",
     ),
     "imu_heading_error_time_s": (
         "platform.imu_heading_bias_deg", "platform.imu_heading_turn_on_std_deg",
         "platform.imu_heading_step_deg", "platform.imu_heading_markov_std_deg",
-        "platform.imu_correlation_time_s",
+        "platform.misalignment_heading_std_deg", "platform.imu_correlation_time_s",
     ),
     "imu_tilt_std_deg": (
         "platform.imu_tilt_std_deg", "platform.imu_tilt_bias_deg",
-        "platform.imu_tilt_turn_on_std_deg", "platform.imu_tilt_markov_std_deg", *_ANGLES,
+        "platform.imu_tilt_turn_on_std_deg", "platform.imu_tilt_markov_std_deg",
+        "platform.misalignment_tilt_std_deg", *_ANGLES,
     ),
     "outlier_probability": (
         "acoustics.outlier_probability", "acoustics.outlier_mean_m", "acoustics.loss_probability",
         "acoustics.surface_echo_probability", "acoustics.bottom_echo_probability",
-        "acoustics.water_depth_m", "acoustics.ranging",
+        "acoustics.water_depth_m", "acoustics.ranging", "acoustics.shadow_loss_probability",
+        "acoustics.shadow_half_width_deg",
     ),
     "outlier_mean_m": (
         "acoustics.outlier_mean_m", "acoustics.outlier_probability", "acoustics.loss_probability",
@@ -106,6 +112,7 @@ SOURCES: Mapping[str, Sequence[str]] = {
         "acoustics.water_depth_m", "acoustics.ranging", "platform.beacon_m",
         "platform.arm_length_m", "platform.beacon_depth_m", "platform.beacon_scale",
         "platform.mean_position_m", "platform.mean_heading_deg", "target.trajectory",
+        "acoustics.shadow_loss_probability", "acoustics.shadow_half_width_deg",
     ),
     "assumed_sound_speed_m_s": ("acoustics.assumed_sound_speed_m_s",),
     "clock_std_m": (
@@ -123,11 +130,11 @@ SOURCES: Mapping[str, Sequence[str]] = {
     "depth_bias_std_m": ("target.depth_bias_m", "target.depth_bias_std_m"),
     "beacon_error_std_m": (
         "platform.gps_horizontal_bias_std_m", "platform.gps_horizontal_markov_std_m",
-        "platform.mounting_std_m", "platform.gps_shared",
+        "platform.mounting_std_m", "platform.gps_shared", *_DELAY,
     ),
     "beacon_vertical_error_std_m": (
         "platform.gps_vertical_bias_std_m", "platform.gps_vertical_markov_std_m",
-        "platform.mounting_std_m", "platform.gps_shared",
+        "platform.mounting_std_m", "platform.gps_shared", *_DELAY,
     ),
     "beacon_error_time_s": (
         "platform.gps_correlation_time_s", "platform.gps_horizontal_markov_std_m",
@@ -193,6 +200,7 @@ def assumed(
         "imu_tilt_std_deg": _with(
             tilt, platform.imu_tilt_std_deg, platform.imu_tilt_bias_deg,
             platform.imu_tilt_turn_on_std_deg, platform.imu_tilt_markov_std_deg,
+            platform.misalignment_tilt_std_deg,
         ),
         "outlier_probability": greatest(
             late(outliers, acoustics), _LEAST_OUTLIER_PROBABILITY
@@ -237,25 +245,35 @@ def levels(
 
 
 def range_noise(acoustics: Any) -> Any:
-    """Standard deviation of a range's white noise [m], with that of answers."""
+    """Standard deviation of a range's white noise [m], with that of answers or of rounding."""
+    if acoustics.ranging in INVERTED:
+        return _with(acoustics.range_resolution_m / _ROOT_12, acoustics.range_std_m)
     if legs(acoustics.ranging) == 1:
         return acoustics.range_std_m
     late = acoustics.assumed_sound_speed_m_s / 2 * acoustics.turnaround_std_s
     return hypot(acoustics.range_std_m, late)
 
 
-def mounting_noise(platform: Any, acoustics: Any) -> Any:
-    """Standard deviation of white range noise equivalent to the mounting errors [m].
-
-    All ranges of a beacon share its mounting error. A filter that ignores them overestimates its
-    information, the more so the more often beacons ping.
-    """
-    if not platform.gps_shared:
+def lasting_delay(acoustics: Any) -> Any:
+    """Standard deviation of what the turn-around of each beacon adds to all its ranges [m]."""
+    if legs(acoustics.ranging) == 1:
         return 0.0
-    fixed = platform.mounting_error_m or (0.0,)
-    square = platform.mounting_std_m**2 + sum(v * v for v in fixed) / len(fixed)
+    return acoustics.assumed_sound_speed_m_s / 2 * acoustics.turnaround_beacon_std_s
+
+
+def mounting_noise(platform: Any, acoustics: Any) -> Any:
+    """Standard deviation of white range noise equivalent to what lasts for each beacon [m].
+
+    All ranges of a beacon share its mounting error, and all its answers a part of the error of the
+    turn-around. A filter that ignores them overestimates its information, the more so the more
+    often beacons ping.
+    """
+    square = lasting_delay(acoustics) ** 2
+    if platform.gps_shared:
+        fixed = platform.mounting_error_m or (0.0,)
+        square += platform.mounting_std_m**2 + sum(v * v for v in fixed) / len(fixed)
     beacons = len(beacons_of(platform)) // 3
-    slots = beacons / SCHEDULES[acoustics.schedule].together(beacons)
+    slots = beacons / pinging(acoustics).together(beacons)
     pings = 2 * _MOUNTING_MEMORY / (slots * acoustics.sampling_time_s)
     return sqrt(square * greatest(pings, 1.0))
 
@@ -293,7 +311,7 @@ def _known(key: str, condition: Any, value: Any) -> dict[str, Any]:
 def _heading_error(platform: Any) -> dict[str, Any]:
     """The long-lasting error of the IMU's heading."""
     slow = hypot(platform.imu_heading_bias_deg, platform.imu_heading_turn_on_std_deg,
-                 platform.imu_heading_step_deg)
+                 platform.imu_heading_step_deg, platform.misalignment_heading_std_deg)
     markov = platform.imu_heading_markov_std_deg
     return {
         "imu_heading_error_std_deg": hypot(slow, markov),
@@ -324,10 +342,12 @@ def _vertical_error(platform: Any) -> dict[str, Any]:
 def _of_each_beacon(platform: Any, acoustics: Any) -> dict[str, Any]:
     """Errors of the reported beacon positions if each beacon has its own."""
     survey = platform.mounting_std_m if platform.gps_shared else 0.0
+    # A lasting delay is as if the beacon were farther away.
+    delay = lasting_delay(acoustics)
     horizontal, vertical = (
         hypot(
             getattr(platform, f"gps_{axis}_bias_std_m"),
-            getattr(platform, f"gps_{axis}_markov_std_m"), survey,
+            getattr(platform, f"gps_{axis}_markov_std_m"), survey, delay,
         )
         for axis in ("horizontal", "vertical")
     )
@@ -370,7 +390,28 @@ def _motion(platform: Any, axes: Sequence[str], std: str, time: str) -> dict[str
 
 
 def _velocity(platform: Any) -> dict[str, Any]:
-    """RMS velocity of the platform per axis, and its correlation time."""
+    """RMS velocity of the platform per axis, and its correlation time.
+
+    The velocity of a boat under way is constant. It adds to the mean square, and the time grows as
+    much, so that the noise that changes the velocity, 2 σ²/τ, stays that of waves and drift.
+    """
+    told = _wavering(platform)
+    std: Any = told["platform_velocity_std_m_s"]
+    time = told.get("platform_velocity_time_s")
+    way = platform.boat_speed_m_s
+    total = hypot(std, way / _ROOT_2)
+    moves = std > 0
+    longer = (_STILL if time is None else time) * ratio(total, where(moves, std, 1.0)) ** 2
+    slow = where(moves, longer, _STILL)
+    return {
+        "platform_velocity_std_m_s": where(way > 0, total, std),
+        **_known("platform_velocity_time_s", (std + way) > 0,
+                 where(way > 0, slow, _STILL if time is None else time)),
+    }
+
+
+def _wavering(platform: Any) -> dict[str, Any]:
+    """The same of waves and drift alone."""
     if is_sine(platform, "surge"):
         return _motion(platform, ("surge", "sway"), "platform_velocity_std_m_s",
                        "platform_velocity_time_s")

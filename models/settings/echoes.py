@@ -9,6 +9,7 @@ from collections.abc import Callable
 from math import pi
 from typing import Any
 
+from ..acoustics import shadow
 from ..acoustics.ranging import legs
 from .beacons import beacons_of
 from .either import greatest, radians, sin, sqrt, symbolic, where
@@ -46,7 +47,10 @@ def excesses(
 def share(acoustics: Any) -> Any:
     """Share of the packets received that came by an echo."""
     surface, bottom = chances(acoustics)
-    loss = acoustics.loss_probability
+    shade = shadow.mean(
+        acoustics.shadow_loss_probability, radians(acoustics.shadow_half_width_deg)
+    )
+    loss = acoustics.loss_probability + (1 - acoustics.loss_probability) * shade
     none = (1 - surface) * (1 - bottom)
     echoes, received = loss * (1 - none), 1 - loss * none
     return where(received > 0, echoes, 0.0) / where(received > 0, received, 1.0)

@@ -138,6 +138,11 @@ def circling(scenario: Scenario, circle: Circle, depth: float, duration_s: float
             f"{scenario.where('target', 'fmu')}: must be left out for a map, whose divers move in "
             f"circles, got {scenario.target.fmu}"
         )
+    if scenario.platform.fmu is None and scenario.platform.boat_speed_m_s:
+        raise ConfigurationError(
+            f"{scenario.where('platform', 'boat_speed_m_s')}: must be 0 for a map, as a boat under "
+            f"way leaves every cell, got {scenario.platform.boat_speed_m_s:g} m/s"
+        )
     for key in PRIOR_KEYS:
         if getattr(scenario.receiver, key, None) is not None and not scenario.true_prior and (
             key in scenario.receiver.model_fields_set

@@ -41,6 +41,8 @@ def dive_of(log: Log, device: Device, base: Scenario) -> tuple[Mapping[str, Any]
         "acoustics.schedule": "simultaneous" if together else "round_robin",
         **_speed(device, base),
     }
+    if 0 < log.turnaround_s < slot:
+        keys["acoustics.turnaround_s"] = float(f"{log.turnaround_s:.9g}")
     pings = "all beacons ping together" if together else "the beacons ping in turn"
     said = f"from the log, {pings}, each every {rounded(every, 3)} s; it lasts {rounded(span)} s"
     path = _path(device)

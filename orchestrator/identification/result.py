@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from math import sqrt
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from sblcosim.models.acoustics.ranging import legs
 
 from .. import artifacts, style
 from ..answer import Answer
@@ -132,11 +134,16 @@ class Identified(Answer):
         the noise is then that of independent ranges that tell as much. Offsets that walk count as
         noise, too (`Device.white_std`), as no simulated device has them. Losses come in bursts
         where the interval of their length does not hold that of independent losses.
+
+        Of two-way ranges, a loss is that of either leg, an offset is a delay of the answer, and the
+        noise of answers is part of that of ranges.
         """
         known, base = self.device.known, self.base
         changes: dict[str, Any] = {key: known[n] for n, key in _KEYS.items() if n in known}
         if "late_mean" not in known:  # a share without its mean is that of another device
             changes.pop(_KEYS["late_share"], None)
+        if "loss_share" in known and self._legs > 1:  # of a range; both legs must arrive
+            changes[_KEYS["loss_share"]] = 1 - sqrt(1 - known["loss_share"])
         changes |= self._bursts()
         if "range_std" in known:
             changes[_KEYS["range_std"]] = self.device.white_std
@@ -148,9 +155,19 @@ class Identified(Answer):
         if ends[0] is not None and ends[1] is not None and ends[0] * ends[1] > 0:
             changes["acoustics.sound_speed_m_s"] = assumed / (1 + known["range_scale"])
         offsets = [v for n, v in known.items() if n.startswith("range_offset")]
-        if offsets:
+        if offsets and self._legs == 1:
             changes["acoustics.clock_offset_s"] = float(np.mean(offsets)) / assumed
+        elif offsets:  # the part of the turn-around that the diver does not know
+            late = 2 * float(np.mean(offsets)) / assumed
+            changes["acoustics.processing_delay_s"] = max(late, 0.0)
+            changes["acoustics.processing_delay_correction_s"] = max(-late, 0.0)
+        if self._legs > 1 and "range_std" in known:
+            changes["acoustics.turnaround_std_s"] = 0.0  # it is part of the noise of the range
         return changes
+
+    @property
+    def _legs(self) -> int:
+        return legs(self.base.acoustics.ranging)
 
     def _bursts(self) -> dict[str, Any]:
         """The mean length of bursts, if losses are not independent of each other."""
@@ -160,7 +177,12 @@ class Identified(Answer):
             return {}
         if share >= 1 or burst.low <= 1 / (1 - share) <= burst.high:
             return {}
-        return {_BURST: max(burst.estimate, 1.0, share / (1 - share))}
+        if self._legs == 1:
+            return {_BURST: max(burst.estimate, 1.0, share / (1 - share))}
+        # Rounds without a loss end at the same rate as they begin, by either leg.
+        p = 1 - sqrt(1 - share)
+        begins = 1 - sqrt(max(1 - share / ((1 - share) * burst.estimate), 0.0))
+        return {_BURST: max(p / ((1 - p) * begins), 1.0, p / (1 - p)) if begins > 0 else 1.0}
 
     def scenario(self) -> Scenario:
         """The scenario that simulates the device: the base with what the log tells."""

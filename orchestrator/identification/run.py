@@ -21,6 +21,7 @@ from ..processing.settings import Given, Settled, settled
 from ..results.result import Result
 from ..scenario.arrangement import has_own_errors
 from ..scenario.scenario import Scenario
+from ..words.shares import percent
 from .device import Assumed, device_of
 from .dive import dive_of
 from .result import Identified
@@ -68,11 +69,30 @@ def identify(
     ready = settled(log if isinstance(log, Log) else read_log(log, mapping), scenario)
     samples, body, known, base = of_log(ready)
     device = device_of(samples, body, known)
+    base = _ranging(ready.log, base, scenario is not None)
     dive, of_dive = ({}, []) if scenario is not None or ready.log.scenario is not None else (
         dive_of(ready.log, device, base)
     )
     said = (*ready.log.counted(), ready.said, *of_dive, *_named(ready.log))
     return Identified(ready.log.name, device, base, said, ready.log.beacons, dive)
+
+
+def _ranging(log: Log, base: Scenario, given: bool) -> Scenario:
+    """The scenario with the way to range that the log tells.
+
+    Raises
+    ------
+    ConfigurationError
+        The log has one-way and two-way ranges, and no scenario says what the device does.
+    """
+    if log.scenario is not None or log.two_way == 0.0:
+        return base
+    if log.two_way < 1 and not given:
+        raise ConfigurationError(
+            f"log: must have ranges of one kind, or come with a scenario that has the ranging of "
+            f"the device, got {percent(log.two_way)} two-way ranges in {log.name}"
+        )
+    return base.override({"acoustics.ranging": "two_way"}) if log.two_way == 1 else base
 
 
 def _named(log: Log) -> list[str]:

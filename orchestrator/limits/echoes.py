@@ -3,7 +3,8 @@
 A range is that of the direct path, or it is late by the excess of an echo. Both the share of such
 ranges and their excess count as known, as those of outliers do. The information about the location
 is that of `sblcosim.limits.fisher`, with f = π₀ N(0, σ²) + π₁ N(e₁, σ²) + π₂ N(e₂, σ²). A two-way
-range is late by half the sum of two such excesses, one of each leg.
+range is late by half the sum of two such excesses, one of each leg. The shadow of the diver's body
+takes direct paths like any other loss, but depending on the diver's course.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from sblcosim.models.acoustics import shadow
 from sblcosim.models.acoustics.ranging import legs
 from sblcosim.models.settings import echoes as known
 from sblcosim.models.settings.assumptions import range_noise
@@ -25,30 +27,61 @@ _STEP = 0.05
 """Step of the grid over which the information is summed, in standard deviations."""
 _MOST_EPOCHS = 100
 """Number of epochs at which the information is computed; between them it is interpolated."""
+_COURSES = 32
+"""Number of courses over which the shadow of a diver is averaged."""
 
 
 def echo_chances(acoustics: Any) -> tuple[float, float]:
     """Probabilities that the echo from surface and bottom arrives where the direct path is lost."""
-    if not acoustics.loss_probability:
+    if not acoustics.loss_probability and not acoustics.shadow_loss_probability:
         return 0.0, 0.0
     found: tuple[float, float] = known.chances(acoustics)
     return found
 
 
-def lost(acoustics: Any) -> float:
-    """Share of the pings that give no range: sound arrives neither directly nor by an echo.
+def shades(acoustics: Any, position: Floats, beacons: Floats, velocity: Floats) -> Floats:
+    """Probability that the diver's body takes a packet; (…).
 
-    A two-way range needs both of its legs.
+    Parameters
+    ----------
+    position, beacons, velocity
+        Divers and beacons, NED [m], and the divers' velocities [m/s]; (…, 3), broadcast against
+        each other.
     """
-    share = lost_of_leg(acoustics)
+    offset, rate = np.moveaxis(beacons - position, -1, 0), np.moveaxis(velocity, -1, 0)
+    found: Floats = shadow.of_course(
+        np, [*offset], [*rate[:2]], np.deg2rad(acoustics.shadow_direction_deg),
+        acoustics.shadow_loss_probability, np.deg2rad(acoustics.shadow_half_width_deg),
+    )
+    return found
+
+
+def lost(acoustics: Any) -> float:
+    """Share of the pings that give no range, over all courses of a diver in the beacons' depth.
+
+    Sound arrives neither directly nor by an echo. A two-way range needs both of its legs.
+    """
+    angle = (np.arange(_COURSES) + 0.5) / _COURSES * pi
+    shade = shadow.chance(np, angle, acoustics.shadow_loss_probability,
+                          np.deg2rad(acoustics.shadow_half_width_deg))
+    return float(lost_in(acoustics, shade).mean())
+
+
+def lost_in(acoustics: Any, shade: Floats) -> Floats:
+    """`lost` with the probabilities that the diver's body takes a packet; (…)."""
+    share: Floats = lost_of_leg(acoustics, shade)
     return share if legs(acoustics.ranging) == 1 else 1 - (1 - share) ** 2
 
 
-def lost_of_leg(acoustics: Any) -> float:
+def lost_of_leg(acoustics: Any, shade: Any = 0.0) -> Any:
     """Share of the packets that do not arrive, neither directly nor by an echo."""
     surface, bottom = echo_chances(acoustics)
-    share: float = acoustics.loss_probability * ((1 - surface) * (1 - bottom))
-    return share
+    return _lost_directly(acoustics, shade) * ((1 - surface) * (1 - bottom))
+
+
+def _lost_directly(acoustics: Any, shade: Any) -> Any:
+    p = acoustics.loss_probability
+    return p + (1 - p) * shade
 
 
 def excesses(acoustics: Any, position: Floats, beacons: Floats) -> Floats:
@@ -68,25 +101,29 @@ def excesses(acoustics: Any, position: Floats, beacons: Floats) -> Floats:
     return found
 
 
-def shares(acoustics: Any, position: Floats, beacons: Floats) -> Floats:
+def shares(
+    acoustics: Any, position: Floats, beacons: Floats, shade: Floats | float = 0.0
+) -> Floats:
     """Information in received ranges, as a share of that without echoes; (…).
 
     Parameters
     ----------
     position, beacons
         As for `excesses`.
+    shade
+        Of `shades`; (…).
     """
     chances = np.array(echo_chances(acoustics))
     excess = excesses(acoustics, position, beacons)
     noise = range_noise(acoustics)
     if not chances.any() or noise <= 0:
         return np.ones(excess.shape[:-1])
-    p = acoustics.loss_probability
+    p = np.broadcast_to(_lost_directly(acoustics, shade), excess.shape[:-1]).ravel()
     flat = excess.reshape(-1, 2) / noise
     order = np.argsort(flat, axis=1)
     early, late = np.take_along_axis(flat, order, 1).T
     q1, q2 = chances[order].T
-    weights = np.stack([np.full(len(flat), 1 - p), p * q1, p * (1 - q1) * q2])
+    weights = np.stack([1 - p, p * q1, p * (1 - q1) * q2])
     shifts = np.stack([np.zeros(len(flat)), early, late])
     if legs(acoustics.ranging) > 1:
         weights, shifts = _of_both_legs(weights, shifts)
@@ -113,15 +150,18 @@ def _of_both_legs(weights: Floats, shifts: Floats) -> tuple[Floats, Floats]:
     return np.take_along_axis(weight, order, 0), np.take_along_axis(shift, order, 0)
 
 
-def shares_along(acoustics: Any, position: Floats, beacons: Floats) -> Floats:
+def shares_along(
+    acoustics: Any, position: Floats, beacons: Floats, velocity: Floats
+) -> Floats:
     """`shares` at epochs, interpolated; (n, N).
 
     Parameters
     ----------
-    position, beacons
-        True positions, NED [m]; (n, 3) and (n, N, 3).
+    position, beacons, velocity
+        True positions, NED [m], and the diver's velocity [m/s]; (n, 3), (n, N, 3) and (n, 3).
     """
     n = len(position)
     some = np.unique(np.linspace(0, n - 1, min(n, _MOST_EPOCHS)).round().astype(int))
-    of_some = shares(acoustics, position[some, None], beacons[some])
+    there = position[some, None], beacons[some]
+    of_some = shares(acoustics, *there, shades(acoustics, *there, velocity[some, None]))
     return np.stack([np.interp(np.arange(n), some, column) for column in of_some.T], axis=1)

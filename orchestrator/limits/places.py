@@ -2,13 +2,13 @@
 
 Nothing is random here. A packet lost with probability p counts with 1 − p of its information, and
 the platform rests at its mean position and heading. Waves count as receivers assume them. Losses in
-bursts are the exception: several sequences of them, the same for all places, are averaged over.
+bursts and in the shadow of a diver are the exception: several sequences of them are averaged over.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from math import ceil, cos, sin
@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 from sblcosim.fmus import stopping
 from sblcosim.models.acoustics.ranging import legs
-from sblcosim.models.acoustics.schedules import SCHEDULES
+from sblcosim.models.acoustics.schedules import pinging
 
 from ..scenario.scenario import Scenario
 from . import recursion
-from .echoes import echo_chances, lost, lost_of_leg, shares
+from .echoes import echo_chances, lost_in, lost_of_leg, shades, shares
 from .parameters import beacons_of, conditions, model_of, own_beacon, parameters
 from .recursion import Epochs, ReceiverModel
 
@@ -112,22 +112,29 @@ def covariances(
     kept = late[picked]
 
     positions = np.stack([path(time) for time in end_s.tolist()])
+    shaded = bool(scenario.acoustics.shadow_loss_probability)
+    velocities = _velocities(path, end_s) if shaded else positions
+    together = 1 if shaded else _TOGETHER  # the shadow of each diver is another one
 
     def part(first: int) -> tuple[Floats, Floats, Floats]:
-        some = slice(first, first + _TOGETHER)
+        some = slice(first, first + together)
         position = positions[:, some]
-        told = _told(scenario, position[len(position) // 2])
+        told = 1.0 if shaded else _told(scenario, position[len(position) // 2])
+        heard = (
+            _shaded(scenario, position[:, 0], velocities[:, first], sequences) if shaded
+            else sequences
+        )
         found = [
             recursion.covariances(model, replace(it, heard=it.heard * told), position,
                                   acceleration_psd[some], kept)
-            for it in sequences
+            for it in heard
         ]
         absolute, relative = (np.concatenate(it) for it in zip(*found, strict=True))
         offset = position[kept] - _place(scenario)
         return absolute, relative, np.concatenate([offset] * len(sequences))
 
     with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
-        firsts = range(0, len(acceleration_psd), _TOGETHER)
+        firsts = range(0, len(acceleration_psd), together)
         parts = [*stopping.results([pool.submit(part, first) for first in firsts])]
     absolute, relative, offset = (np.concatenate(it, axis=1) for it in zip(*parts, strict=True))
     return Covariances(absolute, relative, offset, model.own_errors)
@@ -142,10 +149,43 @@ def _told(scenario: Scenario, position: Floats) -> Floats | float:
     return mean
 
 
+def _velocities(path: Path, end_s: Floats) -> Floats:
+    """Velocities at these times [m/s]; (times, n, 3)."""
+    step = 1e-3
+    return np.stack([(path(t + step) - path(t - step)) / (2 * step) for t in end_s.tolist()])
+
+
+def _shaded(
+    scenario: Scenario, position: Floats, velocity: Floats, sequences: Sequence[Epochs]
+) -> Iterator[Epochs]:
+    """Sequences of epochs, of which the shadow of one diver's body takes drawn packets.
+
+    Parameters
+    ----------
+    position, velocity
+        Of the diver, NED [m] and [m/s]; (n, 3).
+    """
+    a, beacons = scenario.acoustics, still_beacons(scenario)
+    shade = shades(a, position[:, None], beacons, velocity[:, None])
+    best = 1 - float(lost_in(a, np.zeros(())))
+    arrives = (1 - lost_in(a, shade)) / (best if best > 0 else 1.0)
+    tells = shares(a, position[:, None], beacons, shade)
+    one_by_one = pinging(a).together(len(beacons)) == 1
+    for number, epochs in enumerate(sequences):
+        pings = np.fmax(np.ceil(epochs.heard), 1).astype(int)
+        drawn = np.random.default_rng([number, 2]).binomial(pings, arrives) / pings
+        left = epochs.heard * drawn
+        before = epochs.heard.sum(1) if one_by_one else epochs.heard.max(1)
+        share = (left.sum(1) if one_by_one else left.max(1)) / np.where(before > 0, before, 1.0)
+        yield replace(epochs, heard=left * tells, packets=epochs.packets * share)
+
+
 def _sequences(scenario: Scenario) -> list[int | None]:
     """Numbers of the sequences of losses; None: each packet counts with its mean information."""
     a = scenario.acoustics
-    return [*range(SEQUENCES)] if a.loss_burst_length and 0 < a.loss_probability < 1 else [None]
+    bursts = a.loss_burst_length and 0 < a.loss_probability < 1
+    mean = [None] * (SEQUENCES if a.shadow_loss_probability else 1)
+    return [*range(SEQUENCES)] if bursts else [*mean]
 
 
 def losses_in_bursts(
@@ -185,8 +225,8 @@ def epochs_of(
     """
     a, count = scenario.acoustics, scenario.beacons
     total = max(ceil(duration_s / a.sampling_time_s - 1e-9) - 1, 1)  # the end is not sampled
-    missing = lost(a)
-    schedule = SCHEDULES[a.schedule]
+    missing = float(lost_in(a, np.zeros(())))
+    schedule = pinging(a)
     at_once = schedule.together(count)
     first = schedule.place(np.arange(total))
     order = np.array(a.slot_order) - 1

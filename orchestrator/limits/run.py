@@ -78,7 +78,8 @@ def reference(
     position, epochs = epochs_along(record, model, epoch, heard, depth)
     if any(echo_chances(scenario.acoustics)):
         beacons = held_at(record.time_ns, recorded(record, "platform.beacon_position"), epoch)
-        known = shares_along(scenario.acoustics, position, beacons)
+        velocity = _states(record, epoch)[1]
+        known = shares_along(scenario.acoustics, position, beacons, velocity)
         epochs = replace(epochs, heard=epochs.heard * known)
     absolute, relative = (
         P[:, 0] for P in covariances(model, epochs, position[:, None], np.array([q], float))
@@ -160,11 +161,8 @@ def epochs_along(
     record: Record, model: ReceiverModel, epoch: Integers, heard: Floats, depth: Floats
 ) -> tuple[Floats, Epochs]:
     """True positions of the diver at epochs, (n, 3), and the true values there."""
-    own, time = record.own("target"), record.time_ns
-    position, _ = state_at(
-        time[own], recorded(record, "target.position")[own],
-        recorded(record, "target.velocity")[own], epoch,
-    )
+    time = record.time_ns
+    position, _ = _states(record, epoch)
 
     def held(name: str) -> Floats:
         return held_at(time, recorded(record, f"platform.{name}"), epoch)
@@ -177,4 +175,13 @@ def epochs_along(
         platform=held("position"),
         attitude=held("attitude"),
         beacons=held("beacon_position") if model.own_errors else beacons_of(model.parameters),
+    )
+
+
+def _states(record: Record, epoch: Integers) -> tuple[Floats, Floats]:
+    """True positions [m] and velocities [m/s] of the diver at epochs, NED; (n, 3) each."""
+    own = record.own("target")
+    return state_at(
+        record.time_ns[own], recorded(record, "target.position")[own],
+        recorded(record, "target.velocity")[own], epoch,
     )

@@ -16,10 +16,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from sblcosim.models.settings.assumptions import lasting_delay
 from sblcosim.models.settings.motion import is_sine, of_waves
 
 from ..scenario.arrangement import has_own_errors
-from ..scenario.error_sources import SOURCES, SURVEY, UNMODELLED
+from ..scenario.error_sources import DELAYS, SOURCES, SURVEY, UNMODELLED
 from ..words.lists import listed
 from .geometry import hdop
 from .parameters import beacons_of, parameters
@@ -41,7 +42,7 @@ def left_out(scenario: Scenario) -> tuple[str, ...]:
 
     Those of ``[platform]`` are without the name of the table.
     """
-    known = {SURVEY} if has_own_errors(scenario.platform) else set()
+    known = {SURVEY, DELAYS} if has_own_errors(scenario.platform) else set()
     idle = {".".join(key) for key in scenario.idle()}
     return tuple(
         key.removeprefix(_PLATFORM) for key in UNMODELLED
@@ -65,8 +66,14 @@ def squares(scenario: Scenario, position: Floats, since_s: Floats) -> dict[str, 
         NaN where ranges say nothing of the place, or nothing is known of such an error.
     """
     found = {}
+    p = scenario.platform
+    course = np.deg2rad(p.boat_course_deg)
+    way = p.boat_speed_m_s * np.array([cos(course), sin(course), 0.0])
+    position = position - np.asarray(since_s, float)[:, None] * way
     for words, keys in _by_source(scenario):
-        if all(key in _MOUNTING for key in keys):
+        if DELAYS in keys:
+            found[words] = _delayed(scenario, position)
+        elif all(key in _MOUNTING for key in keys):
             found[words] = _mounted(scenario, position, keys)
         elif all(key.startswith("imu_") for key in keys):
             found[words] = _turned(scenario, position, since_s, keys)
@@ -153,6 +160,13 @@ def _mounted(scenario: Scenario, position: Floats, keys: list[str]) -> Floats:
     if "mounting_error_m" in keys:
         shift = np.reshape(platform.mounting_error_m, (-1, 3)).astype(float)
         total += _response(position, beacons, shift @ R.T)
+    return np.where(np.isfinite(total), total, np.nan)
+
+
+def _delayed(scenario: Scenario, position: Floats) -> Floats:
+    """Of answers that are late by an error of each beacon."""
+    _, _, beacons = _placed(scenario)
+    total = (lasting_delay(scenario.acoustics) * hdop(position, beacons).horizontal) ** 2
     return np.where(np.isfinite(total), total, np.nan)
 
 

@@ -71,12 +71,13 @@ def log_of(raw: Raw) -> Log:
     if meta.dimension == 2 and len(raw.tables.get("depth", ())):
         remarks.append("depths are not used: the log has dimension = 2")
     truth, fixes = _truth(raw), _fixes(raw)
+    two_way, turnaround = _two_way(raw.tables.get("receptions"))
     remarks += _own_axes(meta, fixes)
     return Log(
         name=meta.name or raw.name, meta=meta, beacons=beacons, receptions=heard,
         depth_ns=depth_ns, depth=depth, truth=truth, fixes=fixes,
         findings=tuple(raw.findings), remarks=(*raw.remarks, *remarks), scenario=raw.scenario,
-        entries=entries,
+        entries=entries, two_way=two_way, turnaround_s=turnaround,
     )
 
 
@@ -262,6 +263,15 @@ def _kinds(table: pd.DataFrame) -> Any:
         return np.full(len(table), KINDS[0])
     words = table["kind"].map(_word)
     return words.where(words.isin(KINDS), KINDS[0]).to_numpy(str)
+
+
+def _two_way(table: pd.DataFrame | None) -> tuple[float, float]:
+    """Share of two-way ranges, and their usual turn-around [s]."""
+    if table is None or table.empty:
+        return 0.0, 0.0
+    asked = _kinds(table) == "two-way"
+    waits = _turn_around(table)[asked]
+    return float(asked.mean()), float(np.median(waits)) if len(waits) else 0.0
 
 
 def _with_both_times(table: pd.DataFrame, meta: Meta) -> pd.DataFrame:

@@ -100,6 +100,10 @@ class Log(Shown):
         Number of entries in the source, before any was left out, by the name of their table.
     source
         Path that the log was read from, as it was given; empty for other logs.
+    two_way
+        Share of the ranges that are two-way.
+    turnaround_s
+        Usual turn-around of these [s]; 0: it is not in the log.
     """
 
     name: str
@@ -115,6 +119,8 @@ class Log(Shown):
     scenario: Path | None = None
     entries: Mapping[str, int] = field(default_factory=dict)
     source: str = ""
+    two_way: float = 0.0
+    turnaround_s: float = 0.0
 
     @property
     def start_ns(self) -> int:

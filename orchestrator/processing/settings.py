@@ -359,10 +359,18 @@ def rough(
             "outlier_mean_m": _LATE * std,
             "sound_speed_m_s": c * (1 + ROUGH["sound_speed_share"]),
             "assumed_sound_speed_m_s": c,
-            "clock_offset_std_s": ROUGH["clock_offset_std_s"],
+            **_of_clock(log),
         },
         "receiver": receiver,
     }
+
+
+def _of_clock(log: Log) -> dict[str, Any]:
+    """The error that all ranges share: of the clock, or of the turn-around of two-way ranges."""
+    if log.two_way < 1:
+        return {"clock_offset_std_s": ROUGH["clock_offset_std_s"]}
+    # Half of it is in a range, so this is as many metres.
+    return {"ranging": "two_way", "turnaround_bias_std_s": 2 * ROUGH["clock_offset_std_s"]}
 
 
 def _apart(places: Floats) -> Floats:

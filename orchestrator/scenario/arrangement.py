@@ -107,7 +107,7 @@ def has_own_errors(platform: Any) -> bool:
         return False
     if not platform.gps_shared:
         return True
-    moves = _any(platform, _MOTION[platform.motion])
+    moves = platform.boat_speed_m_s > 0 or _any(platform, _MOTION[platform.motion])
     return bool(platform.mounting_std_m > 0) and not moves and not _any(platform, _SENSORS)
 
 

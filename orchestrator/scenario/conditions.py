@@ -11,8 +11,8 @@ from math import hypot, isclose
 from pathlib import Path
 from typing import Any
 
-from sblcosim.models.acoustics.ranging import legs
-from sblcosim.models.acoustics.schedules import SCHEDULES
+from sblcosim.models.acoustics.ranging import RANGINGS, legs
+from sblcosim.models.acoustics.schedules import pinging
 from sblcosim.models.settings.presets import preset
 
 from ..words.lists import listed
@@ -76,7 +76,9 @@ def sea(platform: Any) -> Iterator[str]:
     else:
         moving = [*_waves(platform, known), *_amplitudes(platform, ("yaw",), "deg", "°", known)]
     yield from moving
-    if not moving and not known:
+    if platform.boat_speed_m_s:
+        yield f"boat under way at {figure(platform.boat_speed_m_s)} m/s"
+    elif not moving and not known:
         rests = "platform" if errors_of(platform) in (None, "platform") else "beacons"
         yield f"{rests} at rest"
 
@@ -147,8 +149,12 @@ def _beacons(platform: Any) -> Iterator[str]:
 
 
 def _pings(acoustics: Any, beacons: int) -> Iterator[str]:
-    which = "a ping" if SCHEDULES[acoustics.schedule].together(beacons) == 1 else "pings of all"
-    yield f"{which} every {figure(acoustics.sampling_time_s)} s"
+    every = f"every {figure(acoustics.sampling_time_s)} s"
+    if RANGINGS[acoustics.ranging].from_diver:
+        yield f"a ping of the diver {every}"
+        return
+    which = "a ping" if pinging(acoustics).together(beacons) == 1 else "pings of all"
+    yield f"{which} {every}"
 
 
 def _survey(platform: Any) -> Iterator[str]:
@@ -165,16 +171,22 @@ def _ranges(acoustics: Any) -> Iterator[str]:
     """Noise, loss, echoes and outliers of ranges, and how wrong the assumed speed of sound is."""
     if legs(acoustics.ranging) > 1:
         yield "two-way ranging"
-        error = hypot(acoustics.turnaround_std_s, acoustics.turnaround_bias_std_s)
+        error = hypot(*(
+            getattr(acoustics, f"turnaround_{end}_s") for end in ("std", "bias_std", "beacon_std")
+        ))
         if error:
             yield f"turn-around error {figure(1e3 * error)} ms (1σ)"
     noise = acoustics.range_std_m
     yield f"range noise {figure(noise)} m (1σ)" if noise else "ranges without noise"
     if acoustics.loss_probability:
         yield f"{rough_percent(acoustics.loss_probability)} packet loss{_bursts(acoustics)}"
+    shadow = acoustics.shadow_loss_probability
+    if shadow:
+        yield f"{rough_percent(shadow)} loss in the shadow of the diver's body"
     mirrors = [
         mirror for mirror in ("surface", "bottom")
-        if acoustics.loss_probability and getattr(acoustics, f"{mirror}_echo_probability")
+        if (acoustics.loss_probability or shadow)
+        and getattr(acoustics, f"{mirror}_echo_probability")
         and (mirror == "surface" or acoustics.water_depth_m)
     ]
     if mirrors:

@@ -9,7 +9,8 @@ from itertools import accumulate, pairwise
 from math import hypot
 from typing import Any
 
-from sblcosim.models.acoustics.schedules import SCHEDULES
+from sblcosim.models.acoustics.ranging import RANGINGS
+from sblcosim.models.acoustics.schedules import pinging
 from sblcosim.models.platform.gps import GRADES
 from sblcosim.models.receiver.receiver import Beacons
 from sblcosim.models.target.variables import TRAJECTORIES
@@ -130,8 +131,10 @@ _PINGS = "time.sampling_time_s"
 
 def _pings_takes(scenario: Scenario) -> str:
     """What may be typed, and when each beacon of a scenario pings."""
-    schedule, beacons = scenario.acoustics.schedule, scenario.beacons
-    together = SCHEDULES[schedule].together(beacons)
+    acoustics, beacons = scenario.acoustics, scenario.beacons
+    if RANGINGS[acoustics.ranging].from_diver:
+        return "T in s, or a rate in Hz. Here the diver pings every T, and all beacons hear it"
+    schedule, together = acoustics.schedule, pinging(acoustics).together(beacons)
     every = "T" if together >= beacons else f"{beacons / together:g} T"
     here = f"Here ({schedule}) each of {beacons} beacons pings every {every}"
     return f"T in s, or a rate in Hz. {here}"

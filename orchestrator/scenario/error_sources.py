@@ -39,6 +39,7 @@ FLOOR = 0.01
 """Standard deviation [m] of ranges and depth readings when switched off. A diver moves about as far
 while the sound travels. With a smaller value, a receiver trusts its model too much."""
 SURVEY = "platform.mounting_std_m"
+DELAYS = "acoustics.turnaround_beacon_std_s"
 """Included in the bound for beacons with their own errors, but not in that for a platform."""
 
 
@@ -157,6 +158,10 @@ SOURCES: Mapping[str, Source] = {
             (_left_out("platform.mounting_error_m", SURVEY),),
         ),
         Source(
+            "misalignment", "the alignment of the beacons' frame",
+            tuple(Part((f"platform.misalignment_{it}_std_deg",)) for it in ("tilt", "heading")),
+        ),
+        Source(
             "clock", "the clock",
             (
                 Part(_keys("acoustics", "clock_", ("offset_s", "offset_std_s")), 0.05 / 1500),
@@ -168,7 +173,8 @@ SOURCES: Mapping[str, Source] = {
         ),
         Source(
             "turn-around", "the turn-around of beacons that answer",
-            tuple(Part((f"acoustics.turnaround_{end}_s",)) for end in ("std", "bias_std")),
+            (*(Part((f"acoustics.turnaround_{end}_s",)) for end in ("std", "bias_std")),
+             _left_out(DELAYS)),
         ),
         Source(
             "processing delay", "the processing delay",
@@ -188,8 +194,16 @@ SOURCES: Mapping[str, Source] = {
             "range noise", FOUND["noise"].words,
             (Part(("acoustics.range_std_m",), 0.02, FLOOR),), "0.02 m",
         ),
+        Source(
+            "timing", "the resolution of arrival times",
+            (Part(("acoustics.range_resolution_m",)),),
+        ),
         Source("outliers", FOUND["outliers"].words, (Part(("acoustics.outlier_probability",)),)),
         Source("packet loss", "packet loss", (Part(("acoustics.loss_probability",)),)),
+        Source(
+            "shadow", "the shadow of the diver's body",
+            (Part(("acoustics.shadow_loss_probability",)),),
+        ),
         Source(
             "echoes", "echoes from surface and bottom",
             tuple(Part((f"acoustics.{it}_echo_probability",)) for it in ("surface", "bottom")),

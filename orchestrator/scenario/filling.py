@@ -50,6 +50,8 @@ def component(name: str, table: Any, beacons: int, common: Mapping[str, Any]) ->
             values |= counts(table)
         elif name == "platform":
             values |= arranged(table.beacon_m)
+            if table.boat_speed_m_s and table.boat_course_deg:
+                values["mean_heading_deg"] = table.boat_course_deg  # she points where she goes
         else:
             values |= packets.resolutions(table, beacons)
             values |= water.derived(table)

@@ -29,6 +29,7 @@ Record = Mapping[str, np.ndarray]
 
 VALID: Mapping[str, list[Any]] = {
     "water_depth": [40.0], "loss_burst_length": [0.0, 4.0], "profile_count": [],
+    "shadow_loss_probability": [1.0],
 }
 """Other values where most numbers within the bounds contradict other keys."""
 
@@ -128,7 +129,7 @@ def check(base: Scenario, unknown: Collection[Any] = ()) -> None:
 
 WATCH = ("receiver", "watch")
 """A challenger changes nothing while it is no better, and begins after a minute only."""
-SHORT = {"time.duration_s": 12.0}
+SHORT = {"time.duration_s": 12.0, "acoustics.shadow_half_width_deg": 90.0}
 MORE = {
     "realistic-dive": {"time.duration_s": 60.0},
     "realistic-sea": {"time.duration_s": 60.0, "acoustics.outlier_probability": 0.3},

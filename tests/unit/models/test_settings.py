@@ -132,6 +132,7 @@ TRIED: Mapping[str, Callable[[Tables], Any]] = {
     "assumptions.assumed": _assumed,
     "assumptions.levels": _levels,
     "assumptions.clock": lambda t: assumptions.clock(t.acoustics),
+    "assumptions.lasting_delay": lambda t: assumptions.lasting_delay(t.acoustics),
     "assumptions.mounting_noise": lambda t: assumptions.mounting_noise(t.platform, t.acoustics),
     "assumptions.range_noise": lambda t: assumptions.range_noise(t.acoustics),
     "assumptions.rounding": _rounding,

@@ -162,3 +162,20 @@ def test_one_lost_leg_is_a_lost_range(leg: str) -> None:
 
     y = asked(noise, loss_probability=0.5).step(SLOT, SLOT)
     assert y["reception_count"][0] == 0
+
+
+def test_each_beacon_is_late_by_an_error_of_its_own_in_all_its_answers() -> None:
+    """0.1 ms is 7.5 cm: drawn once for each beacon, beside the error that all share."""
+    own = np.array([1.0, -2.0, 0.5, 3.0])
+
+    def noise(draw: Any, count: int) -> Any:
+        if draw.name == "turnaround_each":
+            return own
+        return np.full(draw.size, float(draw.name == "turnaround_bias")
+                       if draw.kind == "normal" else ALL / 2)
+
+    stepper = asked(noise, turnaround_beacon_std=1e-4, turnaround_bias_std=2e-4, schedule=2)
+    for k in (1, 2, 3):
+        y = stepper.step(k * SLOT, SLOT)
+        late = np.asarray(y["range"]) - np.asarray(y["true_range"])
+        assert late == pytest.approx(0.075 * own + 0.15, abs=1e-9)

@@ -109,6 +109,7 @@ PRESETS = {
     "platform.mounting_std_m": 0.02, "platform.imu_misalignment_deg": [1.0, 0.0, 2.0],
     "platform.gps_antenna_offset_m": [0.1, 0.2, 0.0], "platform.imu_heading_step_deg": 4.0,
     "target.depth_bias_std_m": 0.1, "acoustics.surface_echo_probability": 0.4,
+    "acoustics.shadow_loss_probability": 0.5,
 }
 PRESET_DIVES: dict[str, tuple[dict[str, Any], set[str]]] = {
     "presets": (PRESETS, {"turn-around"}),

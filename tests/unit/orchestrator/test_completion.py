@@ -57,7 +57,7 @@ def offered(line: str) -> list[str]:
          ["platform.arm_length_m=", "platform.arm_length_m=3.0"]),
         ("sblcosim run realistic-dive --set target.traj",
          ["target.trajectory=", *(f"target.trajectory={name}" for name in TRAJECTORIES.values())]),
-        ("sblcosim budget realistic-dive --with clock+s", ["clock+sound-speed"]),
+        ("sblcosim budget realistic-dive --with clock+so", ["clock+sound-speed"]),
         ("sblcosim compare realistic-dive harbour-s", ["harbour-spiral", "harbour-square"]),
         ("sblcosim compare realistic-dive --response absolute_total_p9", ["absolute_total_p95_m"]),
         ("sblcosim run mine.to", []),  # the shell's own files follow

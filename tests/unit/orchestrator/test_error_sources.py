@@ -25,7 +25,8 @@ MOVING = {f"platform.{axis}_amplitude_{unit}": size for axis, unit, size in (
     ("roll", "deg", 4.0), ("pitch", "deg", 4.0), ("yaw", "deg", 9.0), ("surge", "m", 0.3),
     ("sway", "m", 0.3), ("heave", "m", 0.1),
 )}  # fmt: skip
-ENABLED = {"platform.imu_temperature_offset_K": 5.0, "time.duration_s": 12.0}
+ENABLED = {"platform.imu_temperature_offset_K": 5.0, "time.duration_s": 12.0,
+           "acoustics.shadow_direction_deg": 0.0}
 """What some errors need to be any."""
 MEASURED = {
     "platform.reported_beacon_position": "platform.beacon_position",
@@ -113,7 +114,7 @@ def test_the_errors_of_a_run_are_seen_alone_or_only_with_others() -> None:
     """Keys of sources that are wrong only with another key, or make the truth itself move."""
     spectrum = {"platform.wave_height_m", "platform.watch_circle_m"}
     echoes = {"acoustics.surface_echo_probability", "acoustics.bottom_echo_probability"}
-    two_way = {"acoustics.turnaround_std_s", "acoustics.turnaround_bias_std_s"}
+    two_way = {f"acoustics.turnaround_{it}_s" for it in ("std", "bias_std", "beacon_std")}
     assert {*KEYS} - wrong() == {
         *MOVING, *spectrum, *echoes, *two_way, "acoustics.clock_sync_age_s"
     }

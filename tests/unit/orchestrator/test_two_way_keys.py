@@ -11,10 +11,16 @@ import sblcosim
 from sblcosim.comparison.budget import sources
 from sblcosim.errors import NoEffectWarning
 from sblcosim.limits import echoes, places, reference
+from sblcosim.limits.geometry import hdop
 from sblcosim.limits.parameters import conditions, parameters
+from sblcosim.limits.unknown import left_out, squares
 from sblcosim.scenario.conditions import conditions as words_of
 from sblcosim.scenario.doubts import doubts
 from sblcosim.scenario.scenario import Scenario, load
+from sblcosim.scenario.wiring import connect
+from sblcosim.simulation.masters import lanes
+from sblcosim.simulation.resolve import resolve
+from scipy.stats import chi2
 
 HARBOUR = "harbour-square"
 A = "acoustics."
@@ -136,3 +142,67 @@ def test_an_answer_arrives_after_half_of_the_turn_around() -> None:
     heard = values["acoustics.reception_count"] > 0
     waited = values["acoustics.arrival_epoch"] - values["acoustics.range_epoch"]
     assert (waited[heard] > 0.1).all()
+
+
+DELAYS = {"turnaround_beacon_std_s": 2e-4, "range_std_m": 0.0, "loss_probability": 0.0}
+
+
+def test_a_delay_of_each_beacon_is_recovered_from_many_runs() -> None:
+    """2e-4 s is 15 cm: its spread over runs and beacons, within 99 % bounds."""
+    scenario = load(asked(**DELAYS), {"time.duration_s": 3.0})
+    runs = 200
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", NoEffectWarning)
+        plan = resolve(connect(scenario, "multilateration"))
+        values = lanes.execute(
+            plan, {"acoustics.seed": np.arange(runs)},
+            record=["acoustics.range", "acoustics.true_range"],
+        ).values
+    late = values["acoustics.range"] - values["acoustics.true_range"]
+    assert np.ptp(late[:, 8:], axis=1).max() < 1e-9  # every answer of a beacon has the same
+    of = late[:, -1].ravel()
+    low, high = chi2.ppf([0.005, 0.995], of.size)
+    assert low < (of**2).sum() / 0.15**2 < high
+    assert abs(np.corrcoef(late[:, -1].T)[0, 1:]).max() < 2.6 / np.sqrt(runs)
+
+
+def test_what_lasts_for_each_beacon_is_known_to_receivers_and_beside_the_bound() -> None:
+    """Left out like the mounting, with its size; where beacons have own errors, one of them."""
+    late, without = asked("realistic-dive", turnaround_beacon_std_s=2e-4), asked("realistic-dive")
+    told, before = (
+        connect(it, "coupled").components["coupled"].parameters["range_std"]
+        for it in (late, without)
+    )
+    assert told > before
+    assert left_out(late) == ("acoustics.turnaround_beacon_std_s",)
+    diver = np.array([[12.0, 0.0, 5.0]])
+    (size,) = squares(late, diver, np.zeros(1)).values()
+    dilution = hdop(diver, places.still_beacons(late)).horizontal
+    assert np.sqrt(size) == pytest.approx(0.15 * dilution, rel=1e-6)
+    assert "turn-around" in sources.of_scenario(late)
+    lbl = asked("harbour-lbl", turnaround_beacon_std_s=2e-4)
+    assert left_out(lbl) == ()
+    assert lbl.assumptions()["beacon_error_std_m"] == pytest.approx(
+        np.hypot(0.15, asked("harbour-lbl").assumptions()["beacon_error_std_m"])
+    )
+
+
+def test_a_fix_is_off_by_what_is_said_of_such_delays() -> None:
+    """RMS of raw fixes without other errors, over runs, against the size that is left out."""
+    scenario = load(asked(**DELAYS, schedule="simultaneous"), {
+        "time.duration_s": 20.0, "target.depth_std_m": 0.0, "platform.beaufort": None,
+        **{f"platform.{it}_amplitude_deg": 0.0 for it in ("roll", "pitch", "yaw")},
+        "platform.gps_horizontal_markov_std_m": 0.0, "platform.imu_tilt_std_deg": 0.0,
+        "platform.imu_heading_std_deg": 0.0,
+    })
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", NoEffectWarning)
+        plan = resolve(connect(scenario, "multilateration"))
+        values = lanes.execute(
+            plan, {"acoustics.seed": np.arange(200)},
+            record=["multilateration.position", "target.position"],
+        ).values
+    last = values["multilateration.position"][:, -1] - values["target.position"][:, -2]
+    diver = values["target.position"][:1, -2]
+    (size,) = squares(scenario, diver, np.zeros(1)).values()
+    assert (last[:, :2] ** 2).sum(1).mean() == pytest.approx(size[0], rel=0.3)
