@@ -46,7 +46,7 @@ SCHEDULES: Mapping[str, Schedule] = in_order("schedules", {
     "simultaneous": Schedule(2, "all", lambda n: n, ordered=False),
 })
 
-def pinging(acoustics: Any) -> Schedule:
+def schedule_of(acoustics: Any) -> Schedule:
     """The schedule of the tables ``[acoustics]``: the diver's ping comes to all beacons at once."""
     inverted = acoustics.ranging in INVERTED
     return SCHEDULES["simultaneous" if inverted else acoustics.schedule]

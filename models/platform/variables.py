@@ -176,9 +176,9 @@ COMPONENT = Component(
                   "beacon and axis: of mounting, or of surveying beacons on the bottom", "m",
                   min=0.0,
                   needs=(_SHARED,)),
-        *(parameter(f"misalignment_{angle}_std", "Standard deviation of the rotation of all beacons "
-                    f"together {what}, which each run draws: that of mounting an array", "rad",
-                    min=0.0, max=1.0, needs=(_SHARED,))
+        *(parameter(f"misalignment_{angle}_std", "Standard deviation of the rotation of all "
+                    f"beacons together {what}, drawn for each run: that of mounting their frame",
+                    "rad", min=0.0, max=1.0, needs=(_SHARED,))
           for angle, what in (("tilt", "in roll and in pitch"), ("heading", "in heading"))),
         switch("gps_shared", "Whether one GPS and one IMU place all beacons; if not, each beacon "
                "hangs below a buoy with its own GPS, whose errors are independent", True),

@@ -11,7 +11,7 @@ from typing import Any
 
 from ..acoustics.contents import PLACED
 from ..acoustics.ranging import INVERTED, legs
-from ..acoustics.schedules import pinging
+from ..acoustics.schedules import schedule_of
 from ..receiver.variables import SLOWEST_TILT
 from ..symbols import absolute
 from .beacons import beacons_of
@@ -273,7 +273,7 @@ def mounting_noise(platform: Any, acoustics: Any) -> Any:
         fixed = platform.mounting_error_m or (0.0,)
         square += platform.mounting_std_m**2 + sum(v * v for v in fixed) / len(fixed)
     beacons = len(beacons_of(platform)) // 3
-    slots = beacons / pinging(acoustics).together(beacons)
+    slots = beacons / schedule_of(acoustics).together(beacons)
     pings = 2 * _MOUNTING_MEMORY / (slots * acoustics.sampling_time_s)
     return sqrt(square * greatest(pings, 1.0))
 

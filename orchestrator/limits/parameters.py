@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from sblcosim.models.acoustics.contents import CONTENTS
-from sblcosim.models.acoustics.schedules import pinging
+from sblcosim.models.acoustics.schedules import schedule_of
 from sblcosim.models.declaration import Component
 from sblcosim.models.receiver.receivers.coupled import COMPONENT as COUPLED
 from sblcosim.models.receiver.receivers.long_baseline import COMPONENT as LONG_BASELINE
@@ -107,5 +107,5 @@ def conditions(scenario: Scenario, acceleration_psd: float | None = None) -> Con
         common_std=float(np.hypot(p.gps_markov_std, p.gps_bias_std)),
         heading_std=p.imu_heading_error_std,
         heading_noise_std=p.imu_heading_std,
-        together=pinging(scenario.acoustics).together(len(beacons)),
+        together=schedule_of(scenario.acoustics).together(len(beacons)),
     )

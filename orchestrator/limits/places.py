@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sblcosim.fmus import stopping
 from sblcosim.models.acoustics.ranging import legs
-from sblcosim.models.acoustics.schedules import pinging
+from sblcosim.models.acoustics.schedules import schedule_of
 
 from ..scenario.scenario import Scenario
 from . import recursion
@@ -170,7 +170,7 @@ def _shaded(
     best = 1 - float(lost_in(a, np.zeros(())))
     arrives = (1 - lost_in(a, shade)) / (best if best > 0 else 1.0)
     tells = shares(a, position[:, None], beacons, shade)
-    one_by_one = pinging(a).together(len(beacons)) == 1
+    one_by_one = schedule_of(a).together(len(beacons)) == 1
     for number, epochs in enumerate(sequences):
         pings = np.fmax(np.ceil(epochs.heard), 1).astype(int)
         drawn = np.random.default_rng([number, 2]).binomial(pings, arrives) / pings
@@ -226,7 +226,7 @@ def epochs_of(
     a, count = scenario.acoustics, scenario.beacons
     total = max(ceil(duration_s / a.sampling_time_s - 1e-9) - 1, 1)  # the end is not sampled
     missing = float(lost_in(a, np.zeros(())))
-    schedule = pinging(a)
+    schedule = schedule_of(a)
     at_once = schedule.together(count)
     first = schedule.place(np.arange(total))
     order = np.array(a.slot_order) - 1

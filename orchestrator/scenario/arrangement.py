@@ -15,8 +15,8 @@ _FLAT = 0.05
 _SAME = 1e-6
 """Beacons closer than this [m] count as at the same position."""
 _MOTION = {"sines": r".*_amplitude.*", "spectrum": r"yaw_amplitude.*|wave_height.*|watch_circle.*"}
-_SENSORS = r"(gps|imu)_.*_(m|deg|deg_s|deg_K)"
-"""Keys of the platform's motion by its kind, and of the errors of its GPS and IMU."""
+_SENSORS = r"(gps|imu|misalignment)_.*_(m|deg|deg_s|deg_K)"
+"""Keys of the platform's motion by its kind, and of the errors of its GPS, IMU and frame."""
 _ARRAYS = (("platform", "mounting_error_m"), ("acoustics", "slot_order"),
            ("receiver", "beacon_offset_m"))
 

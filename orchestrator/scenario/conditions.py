@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from sblcosim.models.acoustics.ranging import RANGINGS, legs
-from sblcosim.models.acoustics.schedules import pinging
+from sblcosim.models.acoustics.schedules import schedule_of
 from sblcosim.models.settings.presets import preset
 
 from ..words.lists import listed
@@ -153,13 +153,21 @@ def _pings(acoustics: Any, beacons: int) -> Iterator[str]:
     if RANGINGS[acoustics.ranging].from_diver:
         yield f"a ping of the diver {every}"
         return
-    which = "a ping" if pinging(acoustics).together(beacons) == 1 else "pings of all"
+    which = "a ping" if schedule_of(acoustics).together(beacons) == 1 else "pings of all"
     yield f"{which} {every}"
+
+
+def _misaligned(platform: Any) -> dict[str, float]:
+    """Standard deviations of the alignment of the beacons' frame [degrees]."""
+    return {it: getattr(platform, f"misalignment_{it}_std_deg") for it in ("tilt", "heading")}
 
 
 def _survey(platform: Any) -> Iterator[str]:
     if platform.mounting_std_m:
         yield f"beacons surveyed to {figure(platform.mounting_std_m)} m ({_SIGMA})"
+    turned = [f"{figure(size)}° in {name}" for name, size in _misaligned(platform).items() if size]
+    if turned and platform.gps_shared:
+        yield f"beacons' frame misaligned by {listed(turned)} (1σ)"
 
 
 def _bursts(acoustics: Any) -> str:
@@ -169,6 +177,8 @@ def _bursts(acoustics: Any) -> str:
 
 def _ranges(acoustics: Any) -> Iterator[str]:
     """Noise, loss, echoes and outliers of ranges, and how wrong the assumed speed of sound is."""
+    if RANGINGS[acoustics.ranging].from_diver:
+        yield "inverted ranging"
     if legs(acoustics.ranging) > 1:
         yield "two-way ranging"
         error = hypot(*(
@@ -229,7 +239,8 @@ def _exact(platform: Any, acoustics: Any) -> Iterator[str]:
         if acoustics.assumed_sound_speed_m_s == acoustics.sound_speed_m_s:
             names.append("speed of sound")
     mounted = platform.fmu is None and platform.gps_shared
-    if mounted and not any((platform.mounting_std_m, *platform.mounting_error_m)):
+    errors = (platform.mounting_std_m, *platform.mounting_error_m, *_misaligned(platform).values())
+    if mounted and not any(errors):
         names.append("mounting")
     if names:
         yield f"exact {listed(names)}"

@@ -10,7 +10,7 @@ from math import hypot
 from typing import Any
 
 from sblcosim.models.acoustics.ranging import RANGINGS
-from sblcosim.models.acoustics.schedules import pinging
+from sblcosim.models.acoustics.schedules import schedule_of
 from sblcosim.models.platform.gps import GRADES
 from sblcosim.models.receiver.receiver import Beacons
 from sblcosim.models.target.variables import TRAJECTORIES
@@ -134,7 +134,7 @@ def _pings_takes(scenario: Scenario) -> str:
     acoustics, beacons = scenario.acoustics, scenario.beacons
     if RANGINGS[acoustics.ranging].from_diver:
         return "T in s, or a rate in Hz. Here the diver pings every T, and all beacons hear it"
-    schedule, together = acoustics.schedule, pinging(acoustics).together(beacons)
+    schedule, together = acoustics.schedule, schedule_of(acoustics).together(beacons)
     every = "T" if together >= beacons else f"{beacons / together:g} T"
     here = f"Here ({schedule}) each of {beacons} beacons pings every {every}"
     return f"T in s, or a rate in Hz. {here}"

@@ -58,7 +58,7 @@ def test_it_is_the_iterated_light_time_of_a_moving_diver_and_a_moving_array(
     for tick in range(1, 6):
         t = tick * 0.5
         stepper.set(target_position=diver(t), target_velocity=v, beacon_position=beacons(t),
-                    reported_beacon_position=beacons(t) + [1.0, 2.0, 3.0])
+                    reported_beacon_position=np.add(beacons(t), [1.0, 2.0, 3.0]))
         y = stepper.step(tick * SLOT, SLOT)
         assert (y["range_epoch"] == t).all()
         assert (y["reception_count"] == tick).all()

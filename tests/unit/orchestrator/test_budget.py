@@ -109,17 +109,22 @@ PRESETS = {
     "platform.mounting_std_m": 0.02, "platform.imu_misalignment_deg": [1.0, 0.0, 2.0],
     "platform.gps_antenna_offset_m": [0.1, 0.2, 0.0], "platform.imu_heading_step_deg": 4.0,
     "target.depth_bias_std_m": 0.1, "acoustics.surface_echo_probability": 0.4,
-    "acoustics.shadow_loss_probability": 0.5,
+    "acoustics.shadow_loss_probability": 0.5, "platform.misalignment_heading_std_deg": 1.0,
 }
 PRESET_DIVES: dict[str, tuple[dict[str, Any], set[str]]] = {
-    "presets": (PRESETS, {"turn-around"}),
+    "presets": (PRESETS, {"turn-around", "timing"}),
     "presets, two-way": (
         {**{key: value for key, value in PRESETS.items() if "acoustics.clock" not in key},
          "acoustics.ranging": "two_way", "acoustics.turnaround_std_s": 1e-4},
-        {"clock"},
+        {"clock", "timing"},
+    ),
+    "presets, inverted": (
+        {**PRESETS, "acoustics.ranging": "inverted", "acoustics.range_resolution_m": 0.02},
+        {"turn-around"},
     ),
     "presets, in a sea": (
-        {**PRESETS, "platform.motion": "spectrum", "platform.watch_circle_m": 3.0}, {"turn-around"},
+        {**PRESETS, "platform.motion": "spectrum", "platform.watch_circle_m": 3.0},
+        {"turn-around", "timing"},
     ),
 }
 """Dives with the presets, and the sources of error that they cannot have."""

@@ -49,8 +49,8 @@ def refused(**keys: Any) -> str:
      "pings, 0.1 s, got 0.11 s"),
     ({"turnaround_std_s": -1e-4}, "override acoustics.turnaround_std_s: must be at least 0.0, got "
      "-0.0001"),
-    ({"ranging": "both"}, "override acoustics.ranging: must be 'one_way' or 'two_way', got "
-     '"both"'),
+    ({"ranging": "both"}, "override acoustics.ranging: must be 'one_way', 'two_way' or "
+     "'inverted', got \"both\""),
     ({"profile_depth_m": [0.0, 5.0]}, "override acoustics.profile_depth_m: must come with "
      "profile_speed_m_s or profile_temperature_C, got neither"),
     ({"profile_depth_m": [5.0, 2.0], "profile_speed_m_s": [1500.0, 1490.0]},

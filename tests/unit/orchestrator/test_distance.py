@@ -459,14 +459,18 @@ WORDS: dict[str, list[str]] = {
     ({"platform.mounting_std_m": 0.05}, ["beacons surveyed to 0.05 m (1σ per axis)"]),
     ({"platform.mounting_error_m": [[0.1, 0, 0]] + [[0, 0, 0]] * 3}, []),
     ({"acoustics.ranging": "two_way"}, ["two-way ranging"]),
+    ({"acoustics.ranging": "inverted"}, ["inverted ranging", "a ping of the diver every 0.1 s"]),
+    ({"platform.misalignment_tilt_std_deg": 0.5, "platform.misalignment_heading_std_deg": 1.0},
+     ["beacons' frame misaligned by 0.5° in tilt and 1° in heading (1σ)"]),
 ])  # fmt: skip
 def test_what_decides_is_named_and_else_called_exact(
     keys: dict[str, Any], words: list[str]
 ) -> None:
     said = conditions(sblcosim.load("paper-scenario-1", keys))
     assert set(words) <= set(said)
-    clock = any("clock" in key for key in keys) or "acoustics.ranging" in keys
-    mounting = any("mounting" in key for key in keys)
+    two_way = keys.get("acoustics.ranging") == "two_way"
+    clock = two_way or any("clock" in key for key in keys)
+    mounting = any(word in key for key in keys for word in ("mounting", "misalignment"))
     exact = [name for name, has_errors in (
         ("clock", clock), ("speed of sound", False), ("mounting", mounting)) if not has_errors]
     assert said[-1] == f"exact {listed(exact)}"

@@ -457,7 +457,7 @@ MEASURED = (
 """Parts of keys: where things are, how they move, and when, is in the record of a run."""
 
 
-@pytest.mark.parametrize("ranging", ["one_way", "two_way"])
+@pytest.mark.parametrize("ranging", ["one_way", "two_way", "inverted"])
 @pytest.mark.parametrize("source", ["realistic-dive", "gps-buoys", "harbour-lbl"])
 @pytest.mark.filterwarnings("ignore::sblcosim.errors.NoEffectWarning")
 def test_every_error_is_in_the_model_or_named(source: str, ranging: str) -> None:
