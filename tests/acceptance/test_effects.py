@@ -29,7 +29,7 @@ Record = Mapping[str, np.ndarray]
 
 VALID: Mapping[str, list[Any]] = {
     "water_depth": [40.0], "loss_burst_length": [0.0, 4.0], "profile_count": [],
-    "shadow_loss_probability": [1.0],
+    "shadow_loss_probability": [1.0], "turnaround": [0.03],
 }
 """Other values where most numbers within the bounds contradict other keys."""
 
