@@ -94,7 +94,7 @@ _BOAT: Mapping[str, Any] = {
         "imu_heading_turn_on_std_deg": 2.0, "imu_tilt_std_deg": 0.5,
     },
     "acoustics": {
-        "schedule": "simultaneous", "range_std_m": 0.1, "loss_probability": 0.1,
+        "ranging": "inverted", "range_std_m": 0.1, "loss_probability": 0.1,
         "outlier_probability": 0.05, "outlier_mean_m": 1.0, "clock_offset_std_s": 2e-5,
         "sound_speed_m_s": 1510.0, "assumed_sound_speed_m_s": 1500.0,
     },
