@@ -46,6 +46,13 @@ def build(
             "this machine only.",
         ),
     ] = False,
+    platform: Annotated[
+        str | None,
+        typer.Option(
+            "--platform", metavar="wasm32", help="Also include the component as WebAssembly, for "
+            "browsers and other hosts of it.",
+        ),
+    ] = None,
 ) -> None:
     """Build our components as FMUs.
 
@@ -54,13 +61,18 @@ def build(
     """
     from sblcosim.fmus.build.factory import Wanted, build_all
     from sblcosim.fmus.files import write_file
+    from sblcosim.fmus.platforms import WASM
     from sblcosim.models import COMPONENTS
 
     from ...artifacts import check_place
 
+    if platform not in (None, WASM):
+        raise ConfigurationError(
+            f"--platform: must be {WASM}, got {platform!r}; --all-platforms has all others"
+        )
     constants = {} if beacons is None else {"beacons": beacons}
     wanted = [
-        Wanted(name, version, all_platforms, constants=constants)
+        Wanted(name, version, all_platforms, constants=constants, wasm=platform == WASM)
         for version in ((2, 3) if fmi is None else (fmi,))
         for name in (names or COMPONENTS)
     ]
