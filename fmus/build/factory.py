@@ -78,11 +78,10 @@ def build(
     fmi: Fmi = 2,
     all_platforms: bool = False,
     baked: Component | None = None,
-    wasm: bool = False,
     **constants: int,
 ) -> Path:
     """Return the FMU of a component, built anew only if it has changed; see `build_all`."""
-    return build_all([Wanted(name, fmi, all_platforms, baked, constants, wasm)])[0]
+    return build_all([Wanted(name, fmi, all_platforms, baked, constants)])[0]
 
 
 def build_all(wanted: Sequence[Wanted]) -> list[Path]:

@@ -72,7 +72,7 @@ def shown(fmu: Path, folder: Path) -> str:
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_the_page_shows_the_numbers_of_the_fmu(fmi: Any, tmp_path: Path) -> None:
     assert len(PAGE.read_text().splitlines()) <= 60
-    fmu = factory.build("target", fmi, wasm=True)
+    (fmu,) = factory.build_all([factory.Wanted("target", fmi, wasm=True)])
     head, *rows = (line.split("\t") for line in shown(fmu, tmp_path).splitlines())
     names = ["position[1]", "position[2]", "position[3]"] if fmi == 2 else ["position"]
     expected = simulate_fmu(
