@@ -23,6 +23,9 @@ ZIG_TARGETS = {
 """All platforms with their names in zig: the oldest supported glibc and macOS."""
 
 PLATFORMS = tuple(ZIG_TARGETS)
+WASM = "wasm32"
+"""WebAssembly without an operating system: an engine that any host of it can run, but no FMI."""
+_WASM_FOLDER = "wasm32-freestanding"
 
 _FMI2_FOLDERS = {"x86_64-linux": "linux64", "x86_64-windows": "win64", "x86_64-darwin": "darwin64"}
 _MACHINES = {"amd64": "x86_64", "x64": "x86_64", "arm64": "aarch64"}
@@ -40,7 +43,12 @@ def this_platform() -> str:
 
 
 def folder(name: str, fmi: Fmi) -> str:
-    """The folder in ``binaries`` that the standard prescribes for a platform."""
+    """The folder in ``binaries`` that the standard prescribes for a platform.
+
+    It has no name for WebAssembly. Ours is of the same form.
+    """
+    if name == WASM:
+        return _WASM_FOLDER
     return _FMI2_FOLDERS.get(name, name) if fmi == 2 else name
 
 
@@ -59,6 +67,8 @@ def folders(name: str, fmi: Fmi) -> tuple[str, ...]:
 def suffix(name: str) -> str:
     """File name suffix of a shared library, by platform, folder or system."""
     name = name.lower()
+    if name in (WASM, _WASM_FOLDER):
+        return ".wasm"
     if "darwin" in name:
         return ".dylib"
     return ".dll" if "win" in name else ".so"

@@ -11,6 +11,8 @@ SHELLS: Mapping[Fmi, str] = {2: "fmi2.c", 3: "fmi3.c"}
 """The functions of the standard, by its version."""
 LANES = ("lanes.h", "lanes.c", "dispatch.c", "widest.h")
 """The entry for many simulations side by side."""
+WASM = ("wasm.c", "freestanding.h")
+"""The entry of a component as WebAssembly, and what it needs in place of a C library."""
 BOUND = ("bound.c", "bound.h", "elementary.h", "real.h", "widest.h")
 """The recursion of a bound."""
 HEADERS = (

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from .. import stopping
 from ..errors import BuildError
-from ..platforms import PLATFORMS, ZIG_TARGETS, this_platform
+from ..platforms import PLATFORMS, WASM, ZIG_TARGETS, this_platform
 
 VARIABLE = "SBLCOSIM_CC"
 """Environment variable that names the compiler to use, for example ``clang`` or ``zig``."""
@@ -33,6 +33,11 @@ LINK_FLAGS = ("-shared", "-s")
 # zig compiles for the processor it runs on unless told otherwise, and builds the runtime of a
 # sanitizer for each platform although nothing uses it.
 _ZIG_FLAGS = ("-mcpu=baseline", "-fno-sanitize=undefined")
+# A module has neither a start nor shared code. Its memory begins with a stack of 256 KiB.
+_WASM_TARGET = "wasm32-freestanding"
+_WASM_LINK_FLAGS = (
+    "-nostdlib", "-s", "-Wl,--no-entry", "-Wl,--export=__heap_base", "-Wl,-z,stack-size=262144",
+)
 _LINUX_FLAGS = ("-Wl,-Bsymbolic", "-Wl,--build-id=none")
 
 
@@ -66,10 +71,11 @@ class Compiler:
         """
         # Relative names keep the path of the folder out of the object.
         folders = [f"-I{path}" for path in (".", *include)]
-        self._run([*FLAGS, *flags, *folders, "-c", source, "-o", output], folder)
+        general = [flag for flag in FLAGS if self.platform != WASM or flag != "-fPIC"]
+        self._run([*general, *flags, *folders, "-c", source, "-o", output], folder)
 
     def link(self, objects: Sequence[str], output: str, folder: Path) -> None:
-        """Link objects to a shared library; all are names in ``folder``.
+        """Link objects to a shared library or a module of WebAssembly; names in ``folder``.
 
         Raises
         ------
@@ -77,7 +83,8 @@ class Compiler:
             As `compile`.
         """
         system = _LINUX_FLAGS if self.platform.endswith("-linux") else ()
-        self._run([*LINK_FLAGS, *system, *objects, "-o", output], folder)
+        general = _WASM_LINK_FLAGS if self.platform == WASM else LINK_FLAGS
+        self._run([*general, *system, *objects, "-o", output], folder)
 
     def _run(self, arguments: Sequence[str], folder: Path) -> None:
         try:
@@ -117,7 +124,8 @@ def zig(platform: str | None = None) -> Compiler | None:
     identity = f"zig {version('ziglang')}"
     if platform is None:
         return Compiler(command, identity)
-    return Compiler((*command, "-target", ZIG_TARGETS[platform]), identity, platform)
+    target = _WASM_TARGET if platform == WASM else ZIG_TARGETS[platform]
+    return Compiler((*command, "-target", target), identity, platform)
 
 
 def for_every_platform() -> tuple[Compiler, ...]:
@@ -134,6 +142,22 @@ def for_every_platform() -> tuple[Compiler, ...]:
             "building for all platforms needs the package ziglang: pip install 'sblcosim[zig]'"
         )
     return compilers
+
+
+def for_platform(name: str) -> Compiler:
+    """A compiler for a platform: a name of `sblcosim.fmus.platforms`, or `WASM`.
+
+    Raises
+    ------
+    BuildError
+        The package ``ziglang`` is not installed.
+    """
+    compiler = zig(name)
+    if compiler is None:
+        raise BuildError(
+            f"building for {name} needs the package ziglang: pip install 'sblcosim[zig]'"
+        )
+    return compiler
 
 
 def system(name: str) -> Compiler | None:

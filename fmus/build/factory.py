@@ -24,11 +24,12 @@ from sblcosim.models.declaration import Component
 from .. import stopping, unchanged
 from ..errors import BuildError, DamageWarning, nearest
 from ..files import SEAL, intact, scratch, write_sealed
-from ..platforms import suffix, this_platform
+from ..platforms import WASM, suffix, this_platform
 from ..standard import Fmi
 from . import compiler as compilers
 from .announcing import announced
 from .c_files import HEADERS, LANES, SHELLS, c_files
+from .c_files import WASM as WASM_FILES
 from .ingredients import ingredients
 
 if TYPE_CHECKING:
@@ -60,6 +61,8 @@ class Wanted:
         FMU is for other tools: it has no engine for many simulations.
     constants
         Constants of the build that differ from the usual ones: ``{"beacons": 6}``.
+    wasm
+        Whether it also holds its engine as WebAssembly.
     """
 
     name: str
@@ -67,6 +70,7 @@ class Wanted:
     all_platforms: bool = False
     baked: Component | None = None
     constants: Mapping[str, int] = field(default_factory=dict)
+    wasm: bool = False
 
 
 def build(
@@ -99,7 +103,7 @@ def build_all(wanted: Sequence[Wanted]) -> list[Path]:
         missing, or the compiler fails.
     """
     asked = [
-        (w.name, w.fmi, w.all_platforms, repr(w.baked), *sorted(w.constants.items()))
+        (w.name, w.fmi, w.all_platforms, w.wasm, repr(w.baked), *sorted(w.constants.items()))
         for w in wanted
     ]
     return unchanged.once(("build", *asked), lambda: _built(wanted))
@@ -131,11 +135,13 @@ def _place_of(wanted: Wanted) -> tuple[Path, Sequence[compilers.Compiler]]:
     except ValueError as error:
         raise BuildError(str(error)) from None
     of = key(name, fmi, **constants)
-    ready = _ready(of, file) if wanted.baked is None else None
+    ready = _ready(of, file) if wanted.baked is None and not wanted.wasm else None
     if ready is not None:
         return ready, ()
     _versions()  # without CasADi, a compiler does not help
     ccs = compilers.for_every_platform() if wanted.all_platforms else (compilers.find(),)
+    if wanted.wasm:
+        ccs = (*ccs, compilers.for_platform(WASM))
     return cache() / _fingerprint(of, ccs, wanted.baked) / file, ccs
 
 
@@ -228,7 +234,10 @@ def _prepared(
     token = token_of(model, sources, fmi)
     sources["tables.h"] = tables_of(model, token)
     objects = {
-        cc: [_Object(sources, Unit(SHELLS[fmi]), cc), *(_lanes(engine, cc) if lanes else ())]
+        cc: [
+            *([] if cc.platform == WASM else [_Object(sources, Unit(SHELLS[fmi]), cc)]),
+            *(_lanes(engine, cc) if lanes else ()),
+        ]
         for cc in ccs
     }
 
@@ -246,7 +255,12 @@ def _lanes(engine: Mapping[str, bytes], compiler: compilers.Compiler) -> list[_O
     They are the same for both versions of FMI and for all descriptions of the variables.
     """
     sources = {**engine, **c_files(LANES)}
-    units = [Unit("dispatch.c"), *lane_units("lanes.c", compiler.platform)]
+    entry = "dispatch.c"
+    if compiler.platform == WASM:
+        own = c_files(WASM_FILES)
+        entry, header = WASM_FILES
+        sources |= {entry: own[entry], "string.h": own[header]}
+    units = [Unit(entry), *lane_units("lanes.c", compiler.platform)]
     facts = [compiler.command, compiler.identity, compiler.platform, SEAL]
     folder = cache() / key_of_sources(facts, units, sources)
     return [
@@ -322,7 +336,7 @@ class Unit:
 
 def lane_units(source: str, platform: str) -> tuple[Unit, ...]:
     """One build of a source for each useful number of lanes of a platform."""
-    sets: dict[int, tuple[str, ...]] = {1: (), 2: ()}
+    sets: dict[int, tuple[str, ...]] = {1: ()} if platform == WASM else {1: (), 2: ()}
     if platform.startswith("x86_64-"):
         sets |= {4: ("-mavx2",), 8: ("-mavx512f", "-mavx512dq")}
     return tuple(Unit(source, (f"-DLANES={n}", *flags)) for n, flags in sets.items())

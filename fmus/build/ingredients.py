@@ -19,7 +19,7 @@ from importlib.resources.abc import Traversable
 from sblcosim.models import declared, module_of
 
 from ..standard import Fmi
-from .c_files import LANES, SHELLS, c_files, engine_headers
+from .c_files import LANES, SHELLS, WASM, c_files, engine_headers
 
 _MODELS, _FMUS = "sblcosim.models", "sblcosim.fmus"
 _BUILD = f"{_FMUS}.build"
@@ -93,7 +93,7 @@ def _ingredients(declared: str, roots: tuple[str, ...], fmi: Fmi, files: dict[st
     digest = hashlib.sha256(declared.encode())
     for part in _closure((*_build_modules(), *roots)):
         digest.update(part.encode() + b"\0")
-    files |= c_files([SHELLS[fmi], *LANES]) | engine_headers()
+    files |= c_files([SHELLS[fmi], *LANES, *WASM]) | engine_headers()
     for file in resources.files(_BUILD).iterdir():
         if file.name.endswith(".jinja"):
             files[file.name] = file.read_bytes()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
@@ -23,9 +24,7 @@ def build(
     names: Annotated[
         list[str] | None,
         typer.Argument(
-            metavar="NAME",
-            help="Components; none: all.",
-            autocompletion=completion.components,
+            metavar="NAME", help="Components; none: all.", autocompletion=completion.components,
         ),
     ] = None,
     fmi: Annotated[
@@ -46,6 +45,10 @@ def build(
             "this machine only.",
         ),
     ] = False,
+    platform: Annotated[
+        str | None,
+        typer.Option("--platform", metavar="wasm32", help="Also include it as WebAssembly."),
+    ] = None,
 ) -> None:
     """Build our components as FMUs.
 
@@ -53,31 +56,40 @@ def build(
     on the number are called NAME6.fmu.
     """
     from sblcosim.fmus.build.factory import Wanted, build_all
-    from sblcosim.fmus.files import write_file
+    from sblcosim.fmus.platforms import WASM
     from sblcosim.models import COMPONENTS
 
     from ...artifacts import check_place
 
+    if platform not in (None, WASM):
+        raise ConfigurationError(
+            f"--platform: must be {WASM}, got {platform!r}; --all-platforms has all others"
+        )
     constants = {} if beacons is None else {"beacons": beacons}
     wanted = [
-        Wanted(name, version, all_platforms, constants=constants)
+        Wanted(name, version, all_platforms, constants=constants, wasm=platform == WASM)
         for version in ((2, 3) if fmi is None else (fmi,))
         for name in (names or COMPONENTS)
     ]
     for one in wanted:
         check_place(out / f"fmi{one.fmi}")
     with waiting("building"):
-        written = []
-        for one, cached in zip(wanted, build_all(wanted), strict=True):
-            path = out / f"fmi{one.fmi}" / cached.name
-            try:
-                write_file(path, cached.read_bytes())
-            except OSError as error:
-                refused = f"{path}: must be writable, got {error.strerror}"
-                raise ConfigurationError(refused) from None
-            written.append(path)
-    for path in written:
+        built = build_all(wanted)
+        places = [out / f"fmi{w.fmi}" / c.name for w, c in zip(wanted, built, strict=True)]
+        _copy(built, places)
+    for path in places:
         typer.echo(str(path))
+
+
+def _copy(built: Sequence[Path], places: Sequence[Path]) -> None:
+    from sblcosim.fmus.files import write_file
+
+    for path, cached in zip(places, built, strict=True):
+        try:
+            write_file(path, cached.read_bytes())
+        except OSError as error:
+            refused = f"{path}: must be writable, got {error.strerror}"
+            raise ConfigurationError(refused) from None
 
 
 @app.command()

@@ -260,6 +260,25 @@ def test_build_for_all_platforms_says_so_to_the_factory_and_what_is_missing(
     assert not Path("fmus").exists()
 
 
+def test_build_for_webassembly_says_what_is_missing_or_unknown(
+    cli: Callable[..., Result], seam: Seam
+) -> None:
+    from sblcosim.fmus.build import compiler
+
+    done = cli("build", "range_model", "--platform", "wasm")
+    assert done.exit_code == 2
+    assert done.stderr == (
+        "error: --platform: must be wasm32, got 'wasm'; --all-platforms has all others\n"
+    )
+    seam.instead(compiler.zig, lambda *_: None)
+    done = cli("build", "range_model", "--platform", "wasm32")
+    assert done.exit_code == 2
+    assert done.stderr == (
+        "error: building for wasm32 needs the package ziglang: pip install 'sblcosim[zig]'\n"
+    )
+    assert not Path("fmus").exists()
+
+
 def test_check_says_whether_an_fmu_can_be_a_receiver(cli: Callable[..., Result]) -> None:
     good, bad = cli("check", build("sequential", 3)), cli("check", build("platform"))
     assert (good.exit_code, bad.exit_code) == (0, 1)

@@ -112,6 +112,7 @@ WRONG: dict[str, tuple[str, ...]] = {
     "mapping": ("nothing",),
     "scenario": ("nobody",),
     "interval": ("0", "x", "1e-300"),
+    "platform": ("wasm", "x86_64-linux"),
 }
 """Values that no command takes, or none of a name, by parameter; all but the first are tried by
 the slow tests."""

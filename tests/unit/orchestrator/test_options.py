@@ -147,6 +147,7 @@ VALUES = {
     "--like": "lbl",
     "new --beacons": "1 2 3; 4 5 6; 7 8 0",
     "build --beacons": "5",
+    "--platform": "wasm32",
     "--mounting": "0.3",
     "--gps": "rtk",
     "--compass": "7",
