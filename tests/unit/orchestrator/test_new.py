@@ -126,8 +126,13 @@ def test_the_time_between_pings_is_not_that_of_one_beacon() -> None:
         assert "ne beacon pings after the other, so each of four pings every 4 T" in words
         assert 'acoustics.schedule = "simultaneous" lets all ping at once' in words
     takes = DECISIONS["pings"].takes
-    for like, every in (("platform", "4 T"), ("water-linked", "T")):
-        assert takes(load(LIKES[like].source)).endswith(f"each of 4 beacons pings every {every}")
+    at_once = {"acoustics.schedule": "simultaneous"}
+    for keys, every in (({}, "4 T"), (at_once, "T")):
+        scenario = load(LIKES["platform"].source, keys)
+        assert takes(scenario).endswith(f"each of 4 beacons pings every {every}")
+    assert takes(load(LIKES["water-linked"].source)).endswith(
+        "the diver pings every T, and all beacons hear it"
+    )
 
 
 def test_the_page_says_what_the_usual_system_takes_to_be_perfect() -> None:
