@@ -33,14 +33,14 @@ from .surroundings import (
 )
 
 _FAR_STD = 30.0
-"""Prior of the diver about the platform, north and east [m], where ranges say nothing."""
+"""Least prior of the diver about the platform, north and east [m]: see `_near`."""
 _LEAST_OFFSET_STD = 1e-3
 """Smallest standard deviation of the common error of all ranges [m]."""
 
 
 ALL, CHALLENGER, TAKEN = 1, 2, 3
 """Which filters begin: all at the fix, only the challenger, or all where the challenger is."""
-_FIXED = 19
+_FIXED = 20
 """Numbers of a `_Fixed`."""
 
 
@@ -115,6 +115,16 @@ def _placed(x: Symbols, u: Symbols, mean: Any) -> Samples:
             x.platform_down - mean[VERTICAL_ERROR] + arm[2],
         ))
     return replace(s, beacons=ca.vertcat(*rows))
+
+
+def _near(s: Samples) -> Any:
+    """Information of the diver's prior about the platform, north and east [1/m²].
+
+    It counts where ranges say nothing. Its standard deviation grows with them, as one of 30 m would
+    draw a diver nearer who is far away.
+    """
+    longest = ca.mmax(s.heard[:DEPTH] * s.z[:DEPTH])
+    return reciprocal(ca.fmax(longest - _FAR_STD, _FAR_STD) ** 2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,7 +204,7 @@ def _fit(position: Any, platform: Any, s: Samples, weight: Any, prior: Any) -> F
     information[2, 2] += weight[DEPTH]
     slope[2] += weight[DEPTH] * residual
     cost += weight[DEPTH] * residual**2
-    near = ca.SX([1, 1, 0]) / _FAR_STD**2
+    near = ca.SX([1, 1, 0]) * _near(s)
     off = position - platform
     return Fix(
         position,
@@ -225,8 +235,8 @@ class _Fixed:
         As in `Fix`; ``value`` is its offset.
     doubt
         Factor of the samples' information: less than 1 where they disagree.
-    depth_weight
-        Information of the depth reading [1/m²].
+    depth_weight, near
+        Information of the depth reading, and of the prior about the platform [1/m²].
     offset
         Prior and shares of the common offset.
     """
@@ -238,6 +248,7 @@ class _Fixed:
     lean: Any
     doubt: Any
     depth_weight: Any
+    near: Any
     offset: Offset
 
     @property
@@ -245,14 +256,15 @@ class _Fixed:
         """All numbers as a column."""
         return ca.vertcat(
             self.position, pack(self.information), self.value, self.alone, self.lean, self.doubt,
-            self.depth_weight, self.offset.variance, self.offset.clock, self.offset.speed,
+            self.depth_weight, self.near,
+            self.offset.variance, self.offset.clock, self.offset.speed,
         )
 
 
 def _fixed(numbers: Any) -> _Fixed:
     return _Fixed(
         numbers[:3], unpack(numbers[3:9], 3), numbers[9], numbers[10], numbers[11:14],
-        numbers[14], numbers[15], Offset(numbers[16], numbers[17], numbers[18]),
+        numbers[14], numbers[15], numbers[16], Offset(numbers[17], numbers[18], numbers[19]),
     )
 
 
@@ -283,7 +295,8 @@ def _pass(p: Symbols, x: Symbols, u: Symbols, mean: Any) -> Values:
     # Samples that disagree get less weight. The assumption that the diver is near does not.
     doubt = reciprocal(ca.fmax(fix.cost / degrees, 1))
     fixed = _Fixed(
-        fix.position, fix.information, fix.offset, fix.alone, fix.lean, doubt, weight[DEPTH], offset
+        fix.position, fix.information, fix.offset, fix.alone, fix.lean, doubt, weight[DEPTH],
+        _near(s), offset,
     )
     return {
         "fix": fix.position,
@@ -301,7 +314,7 @@ def _joined(p: Symbols, before: Any, covariance: Any, fix: _Fixed) -> tuple[Any,
     """
     offset, doubt, depth_weight = fix.offset, fix.doubt, fix.depth_weight
     y = fix.position[:2] - before[list(PLATFORM)]
-    near = ca.diag(ca.SX([1, 1, 0])) / _FAR_STD**2
+    near = ca.diag(ca.SX([1, 1, 0])) * fix.near
     cofactors, determinant = adjugate(doubt * (fix.information - near) + near)
     own = cofactors / determinant
     parts = {CLOCK: offset.clock, SPEED: offset.speed}
