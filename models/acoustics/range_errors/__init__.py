@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ...found import modules_of
+from ...found import declared
 from ..range_error import RangeError, numbered
 
-FOUND: Mapping[str, RangeError] = numbered(
-    {name: module.RANGE_ERROR for name, module in modules_of(__name__).items()}
-)
+FOUND: Mapping[str, RangeError] = numbered(declared(__name__, "RANGE_ERROR", RangeError))
 """Range errors by name, in the order of their numbers."""

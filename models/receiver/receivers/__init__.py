@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ...found import modules_of
+from ...found import declared
 from ..receiver import ReceiverDeclaration, in_order
 
 FOUND: Mapping[str, ReceiverDeclaration] = in_order(
-    {name: module.RECEIVER for name, module in modules_of(__name__).items()}
+    declared(__name__, "RECEIVER", ReceiverDeclaration)
 )
 """By name, in the order of lists."""

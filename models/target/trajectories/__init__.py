@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ...found import modules_of
+from ...found import declared
 from ..trajectory import Trajectory, numbered
 
-FOUND: Mapping[str, Trajectory] = numbered(
-    {name: module.TRAJECTORY for name, module in modules_of(__name__).items()}
-)
+FOUND: Mapping[str, Trajectory] = numbered(declared(__name__, "TRAJECTORY", Trajectory))
 """Trajectories by name, in the order of their numbers."""

@@ -127,7 +127,7 @@ def _best(it: Tournament, place: str, best: str) -> Iterator[str]:
     if open_:
         needed = [row.runs_needed for row in open_]
         about = (
-            f"; about {max(needed):,} runs would decide{' all of it' if len(open_) > 1 else ''}"
+            f"; {would_decide(max(needed))}{' all of it' if len(open_) > 1 else ''}"
             if all(map(pd.notna, needed)) else ""
         )
         yield (
@@ -518,6 +518,17 @@ def _spreads(it: Tournament, place: str) -> Iterator[tuple[str, ...]]:
         )
 
 
+_MANY = 10_000
+"""More runs than these are no practical way to decide."""
+
+
+def would_decide(runs: int) -> str:
+    """How many runs would decide, if it is worth saying."""
+    if runs > _MANY:
+        return f"they are so alike that not even {_MANY:,} runs would decide"
+    return f"about {runs:,} runs would decide"
+
+
 def _differences(
     it: Tournament, place: str, response: str, verbose: bool
 ) -> Iterator[tuple[str, ...]]:
@@ -526,7 +537,7 @@ def _differences(
         # The runs that any verdict needs are given once, for all pairs.
         own = pd.notna(row.runs_needed) and (row.runs >= row.least or row.runs_needed > row.least)
         if verbose and said == "undecided" and own:
-            said += f"; about {row.runs_needed:,} runs would decide"
+            said += f"; {would_decide(row.runs_needed)}"
         yield (
             f"{row.one} − {row.other}", f"{row.wins} of {row.runs}", _dives(row),
             rounded(row.median), interval(row.low, row.high),

@@ -31,7 +31,7 @@ from sblcosim.comparison.tournament import (
     run as tournament,
 )
 from sblcosim.comparison.tournament.run import RESPONSE, Tournament, evaluate
-from sblcosim.comparison.tournament.sentences import reached
+from sblcosim.comparison.tournament.sentences import reached, would_decide
 from sblcosim.errors import ConfigurationError
 from sblcosim.fmus.build import factory
 from sblcosim.judge.consistency import of_runs
@@ -275,6 +275,12 @@ def test_columns_of_which_nothing_is_known_are_left_away() -> None:
     assert all(head in enough for head in heads)
     axes = evaluate(few, {**SETTINGS, "runs": 8}).plot().axes
     assert axes[1].get_xlabel() == "median difference from a [m]"
+
+
+def test_no_number_of_runs_that_nobody_makes_is_asked_for() -> None:
+    """Up to 10,000 it is said; beyond, that they are alike."""
+    assert would_decide(10_000) == "about 10,000 runs would decide"
+    assert would_decide(10_001) == "they are so alike that not even 10,000 runs would decide"
 
 
 def test_runs_that_would_decide_are_those_of_each_pair() -> None:
