@@ -110,6 +110,7 @@ def plot_errors(
         own = axes is None
         axes = drawing.panels(len(kinds) + 1, axes)
         some = {label: table for label, table in tracks.items() if len(table)}
+        bands = ""
         for ax, (axis, words) in zip(axes, kinds, strict=False):
             reach = []
             for label, table, how in drawing.lines_of(some, look):
@@ -118,8 +119,7 @@ def plot_errors(
                 reach.append(_most(error, label))
                 if f"std_{axis}_m" in table and drawing.is_filter(label):
                     band = 2 * table[f"std_{axis}_m"].to_numpy(float)
-                    ax.fill_between(table["epoch_s"], -band, band, color=how["color"], alpha=0.12,
-                                    lw=0, label=label, zorder=1)
+                    bands = drawing.draw_claim(ax, table["epoch_s"], band, label, how, some)
             ax.axhline(0, color=look.ink, lw=0.8, zorder=2)
             top = max([r for r in reach if np.isfinite(r)], default=1.0)
             ax.set(ylim=(-1.1 * top, 1.1 * top), ylabel=f"Error {words} [m]")
@@ -136,7 +136,7 @@ def plot_errors(
             f"{drawing.short(label)} ({n:,} of {len(level[label]):,})"
             for label, n in beyond.items() if n
         )
-        drawing.finish(axes, own, "estimate minus truth", "bands: claimed ±2σ",
+        drawing.finish(axes, own, "estimate minus truth", bands,
                        f"outside, horizontally: {outside}" if outside else "",
                        drawing.no_fix(tracks))
     return axes

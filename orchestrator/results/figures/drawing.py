@@ -137,6 +137,30 @@ def add_line(ax: Axes, x: Any, y: Any, how: Mapping[str, Any]) -> None:
         ax.add_line(_Dots(np.asarray(x), np.asarray(y), **how))
 
 
+_MOST_BANDS = 2
+"""More filled bands than these add up to one grey."""
+
+
+def draw_claim(
+    ax: Axes, t: Any, reach: Any, label: str, how: Mapping[str, Any], tracks: Tracks
+) -> str:
+    """What a filter claims about zero: a band with edges, or of many filters the edges alone.
+
+    Returns
+    -------
+    str
+        What it is called in the title.
+    """
+    filled = sum(map(is_filter, tracks)) <= _MOST_BANDS
+    if filled:
+        ax.fill_between(t, -reach, reach, color=how["color"], alpha=0.12, lw=0, label=label,
+                        zorder=1)
+    edges = np.concatenate([reach, [np.nan], -reach])
+    ax.plot(np.concatenate([t, [np.nan], t]), edges, color=how["color"], ls=how["ls"], lw=0.8,
+            zorder=1.5)
+    return f"{'bands' if filled else 'thin lines'}: claimed ±2σ"
+
+
 def halo(look: Theme) -> list[AbstractPathEffect]:
     """What keeps a text readable on curves: a rim of paper."""
     return [withStroke(linewidth=2.4, foreground=look.paper)]

@@ -6,9 +6,9 @@ tables of `metrics.track`, by receiver. The maps are in `sblcosim.results.figure
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from math import floor, log10
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -95,15 +95,16 @@ def plot_errors(
     with use(theme, axes) as look:
         own = axes is None
         axes = drawing.panels(4, axes)
-        limits, bands = {}, False
+        limits, bands = {}, ""
         for ax, axis in zip(axes, (*AXES, "total"), strict=True):
             column = error_column(frame, axis)
             for label, table, how in drawing.lines_of(tracks, look):
                 t, e = table["epoch_s"], table[column]
                 drawing.add_line(ax, t, e, how | {"label": label})
                 if len(t) > 1 and f"{claim}_{axis}_m" in table and drawing.is_filter(label):
-                    _draw_band(ax, t, 2 * table[f"{claim}_{axis}_m"], label, how)
-                    bands = True
+                    bands = drawing.draw_claim(
+                        ax, t, 2 * table[f"{claim}_{axis}_m"], label, how, tracks
+                    )
             top = drawing.error_limit(tracks, column, f"{claim}_{axis}_m")
             ax.set_ylim((0 if axis == "total" else -top), top)
             if axis == "total":
@@ -119,20 +120,12 @@ def plot_errors(
             axes,
             own,
             "estimate minus truth" + ("" if frame == "absolute" else f", {FRAME_WORDS[frame]}"),
-            "bands: claimed ±2σ" if bands else "",
+            bands,
             possible.caption(reference, frame),
             drawing.outside(tracks, limits),
             drawing.no_fix(tracks),
         )
     return axes
-
-
-def _draw_band(ax: Axes, t: Any, reach: Any, label: str, how: Mapping[str, Any]) -> None:
-    """A band about zero; its edges stay visible where another band covers it."""
-    ax.fill_between(t, -reach, reach, color=how["color"], alpha=0.12, lw=0, label=label, zorder=1)
-    edges = np.concatenate([reach, [np.nan], -reach])
-    ax.plot(np.concatenate([t, [np.nan], t]), edges, color=how["color"], ls=how["ls"], lw=0.8,
-            zorder=1.5)
 
 
 def plot_inclination(

@@ -148,6 +148,18 @@ def test_errors_come_with_two_sigma_of_each_filter(run):
     assert axes[3].get_ylim()[0] == 0
 
 
+@pytest.mark.parametrize("count", [1, 2, 3, 5])
+def test_what_many_filters_claim_are_lines_and_not_one_grey(count):
+    record = make_record()
+    tracks = {f"ekf-{n}": track(record, "ekf") for n in range(count)}
+    ax = plots.plot_errors(record, tracks)[0]
+    assert len(ax.collections) == (count if count <= 2 else 0)
+    edges = [line for line in ax.lines if line.get_zorder() == 1.5]
+    assert len({line.get_color() for line in edges}) == len(edges) == count
+    word = "bands" if count <= 2 else "thin lines"
+    assert f"{word}: claimed ±2σ" in title_of(ax)
+
+
 def test_errors_relative_to_the_platform_are_drawn_as_such():
     record = make_record(platform_error=(0.25, 0.0, 0.0))
     tracks = {"ekf": track(record, "ekf")}
