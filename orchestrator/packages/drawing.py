@@ -18,6 +18,9 @@ from .documents import some
 from .read import SEPARATOR, Package
 from .structure import Inside, Path
 
+MOST = 6
+"""Number of connections that change values that the first screen has."""
+
 
 @dataclass
 class Line:
@@ -67,18 +70,23 @@ def lines_of(package: Package) -> list[Line]:
     return [*found.values()]
 
 
-def text(package: Package, plan: Plan, width: int | None = None) -> str:
+def text(
+    package: Package, plan: Plan, *, verbose: bool = False, width: int | None = None
+) -> str:
     """A package in text: its elements, and how they are connected.
 
     Parameters
     ----------
+    verbose
+        Whether to list all connections, not only the first ones that do not pass values as they
+        are.
     width
         Columns to fit into; None: as wide as the tables are.
     """
-    return "\n".join(_text(package, plan, width))
+    return "\n".join(_text(package, plan, verbose, width))
 
 
-def _text(package: Package, plan: Plan, width: int | None) -> Iterator[str]:
+def _text(package: Package, plan: Plan, verbose: bool, width: int | None) -> Iterator[str]:
     planned = {c.name: c for c in plan.components}
     lines = lines_of(package)
     systems = sum(isinstance(e, Inside) for _, e in package.structure.system.walk()) - 1
@@ -96,7 +104,8 @@ def _text(package: Package, plan: Plan, width: int | None) -> Iterator[str]:
         if path
     ]
     yield from table(rows, width, ("element", "from", "FMI", "interval"))
-    if lines:
+    told = lines if verbose else [line for line in lines if line.what]
+    if told:
         yield ""
         head = ("from", "unit", "to", "unit", "values")
         cells = [
@@ -104,10 +113,12 @@ def _text(package: Package, plan: Plan, width: int | None) -> Iterator[str]:
                 _name(line.source) + (f" ({line.count})" if line.count > 1 else ""),
                 line.units[0], _name(line.target), line.units[1], line.what,
             )
-            for line in lines
+            for line in (told if verbose else told[:MOST])
         ]  # fmt: skip
-        kept = 5 if any(line.what for line in lines) else 4
+        kept = 5 if any(line.what for line in told) else 4
         yield from table([row[:kept] for row in cells], width, head[:kept])
+        if len(told) > len(cells):
+            yield f"and {len(told) - len(cells)} more that change values"
     free = [f"{label}.{name}" for path, label in package.labels.items()
             for name in dict.fromkeys(split(v)[0] for v in package.wiring.unfed(path))]  # fmt: skip
     if free:

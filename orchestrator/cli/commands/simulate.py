@@ -250,11 +250,14 @@ def plan(
     seed: SeedOption = None,
     svg: SvgOption = None,
     as_json: JsonOption = False,
+    verbose: VerboseOption = False,
 ) -> None:
     """Print what would run, a scenario or an SSP package, and how it is connected.
 
-    For a package, print its components and systems, connections with units, and intervals before
-    the tables of the run. With --svg FILE, also draw them, for light and dark pages.
+    With --verbose, print every parameter with its value, every input with its source, and every
+    recorded variable. For a package, print its components and systems, and the connections that
+    change values; with --verbose all connections with units. With --svg FILE, also draw them, for
+    light and dark pages.
     """
     drawn = ""
     with waiting():
@@ -271,7 +274,7 @@ def plan(
                 check_size(resolved)
                 if svg is not None:
                     picture.save(svg, package, resolved)
-                drawn = drawing.text(package, resolved, width()) + "\n\n"
+                drawn = drawing.text(package, resolved, verbose=verbose, width=width())
         elif svg is not None:
             raise ConfigurationError(f"--svg: must come with an SSP package, got {scenario}")
         else:
@@ -281,8 +284,14 @@ def plan(
         from ..documents.contents import plan as content
 
         show(content(resolved))
-    else:
-        typer.echo(drawn + resolved.text(width()))
+        return
+    if drawn:
+        typer.echo(f"{drawn}\n")
+    # The elements of a package are its components.
+    short = bool(drawn) and not verbose
+    typer.echo(resolved.span if short else resolved.text(verbose=verbose, width=width()))
+    if not verbose:
+        say(f"\n--verbose lists {resolved.contents}")
 
 
 @app.command()

@@ -1,7 +1,7 @@
 """Plan: a resolved and checked system, ready for any master.
 
 `resolve` finds the errors in a system before anything starts. A plan is plain data;
-``print(plan)`` shows it.
+``print(plan)`` shows its components, ``print(plan.text(verbose=True))`` all of it.
 
 For each type there is one *vector* with the outputs of all components, one after another. A
 component's outputs are a slice of it, read by one FMI call. Its inputs are gathered from it by
@@ -25,6 +25,7 @@ from sblcosim.models import COMPONENTS
 from sblcosim.models.declaration import Number
 
 from ...layout import table
+from ...words.lists import counted, listed
 from ..code.user_code import PythonSource
 from ..system import Connection, Conversion, PythonComponent
 
@@ -232,53 +233,81 @@ class Plan:
         sizes = ((kind, n) for kind, n in self.sizes.items())
         return 8 + sum(n * np.dtype(DTYPES[kind]).itemsize for kind, n in sizes)
 
-    def text(self, width: int | None = None) -> str:
-        """Everything as tables.
+    def text(self, *, verbose: bool = False, width: int | None = None) -> str:
+        """The components and what feeds them.
 
         Parameters
         ----------
+        verbose
+            Whether to list every parameter, input and recorded variable, with FMI references.
         width
             Number of text columns to fit into; None: the full width of the tables.
         """
-        return "\n".join(_lines(self, width))
+        parts = [_components(self, width), *(_variables(self, width) if verbose else ())]
+        return "\n\n".join([self.span, *("\n".join(part) for part in parts)])
+
+    @property
+    def span(self) -> str:
+        """Start, end and number of communication instants, in a line."""
+        span = f"{text_of(self.start_ns)} to {text_of(self.stop_ns)}"
+        return f"Run from {span}: {self.count} communication instants"
+
+    @property
+    def contents(self) -> str:
+        """How many parameters, inputs and recorded variables it has, in words."""
+        set_, inputs = (sum(len(_set(c) if one else _feeds(c)) for c in self.components)
+                        for one in (True, False))  # fmt: skip
+        return listed([
+            counted(set_, "parameter"), counted(inputs, "input"),
+            counted(len(self.columns), "recorded variable"),
+        ])  # fmt: skip
 
     def __str__(self) -> str:
         return self.text()
 
 
-def _lines(plan: Plan, width: int | None) -> Iterator[str]:
-    span = f"{text_of(plan.start_ns)} to {text_of(plan.stop_ns)}"
-    yield f"Run from {span}: {plan.count} communication instants"
-    components = [
+def _set(component: PlannedComponent) -> list[tuple[Port, str]]:
+    """The parameters that are set, with their values as text."""
+    return [
+        (s.port, _brief(s.values) + (f" {s.port.unit}" if s.port.unit else ""))
+        for s in component.settings
+    ] + [(port, shown(text)) for port, text in component.texts]
+
+
+def _feeds(component: PlannedComponent) -> list[tuple[Port, Connection]]:
+    """The inputs that are connected, with their connections."""
+    return [pair for w in component.writes for pair in zip(w.ports, w.connections, strict=True)]
+
+
+def _components(plan: Plan, width: int | None) -> Iterator[str]:
+    rows = [
         (
             c.name,
             c.origin,
             str(c.source.fmi) if isinstance(c.source, Fmu) else "Python",
-            c.file_sha256[:12],
             text_of(c.interval_ns),
-            "" if c.tick_ns is None else text_of(c.tick_ns),
+            ", ".join(dict.fromkeys(edge.source.partition(".")[0] for _, edge in _feeds(c))),
         )
+        for c in plan.components
+    ]
+    yield from table(rows, width, ("component", "from", "FMI", "interval", "inputs from"))
+
+
+def _variables(plan: Plan, width: int | None) -> Iterator[Iterator[str]]:
+    """All tables that list variables, and what identifies the components."""
+    components = [
+        (c.name, c.file_sha256[:12], "" if c.tick_ns is None else text_of(c.tick_ns))
         for c in plan.components
     ]
     parameters = [
-        (
-            f"{c.name}.{s.port.name}",
-            s.port.type,
-            _ranges(s.port.references),
-            _brief(s.values) + (f" {s.port.unit}" if s.port.unit else ""),
-        )
+        (f"{c.name}.{port.name}", port.type, _ranges(port.references), value)
         for c in plan.components
-        for s in c.settings
-    ] + [
-        (f"{c.name}.{port.name}", port.type, _ranges(port.references), shown(text))
-        for c in plan.components
-        for port, text in c.texts
+        for port, value in _set(c)
     ]
     inputs = [
-        (connection.target, w.type, _ranges(port.references), connection.source)
+        (edge.target, port.type, _ranges(port.references), edge.source)
         for c in plan.components
-        for w in c.writes
-        for port, connection in zip(w.ports, w.connections, strict=True)
+        for port, edge in _feeds(c)
     ]
     read = (port for c in plan.components for r in c.reads for port in r.ports)
     recorded = [
@@ -291,13 +320,12 @@ def _lines(plan: Plan, width: int | None) -> Iterator[str]:
         for column, port in zip(plan.columns, read, strict=True)
     ]
     for head, rows in (
-        (("component", "from", "FMI", "sha256", "interval", "ticks"), components),
+        (("component", "sha256", "ticks"), components),
         (("parameter", "type", "references", "value"), parameters),
         (("input", "type", "references", "from"), inputs),
         (("recorded", "type", "references", "place"), recorded),
     ):
-        yield ""
-        yield from table(rows, width, head)
+        yield table(rows, width, head)
 
 
 def _ranges(numbers: Sequence[int]) -> str:

@@ -21,7 +21,9 @@ import pytest
 import sblcosim.api
 import sblcosim.cli
 import sblcosim.fmus.build.factory
+from quick import few
 from said import apart_from_compiling
+from sblcosim import listings
 from sblcosim.artifacts import write_table
 from sblcosim.calibrate import calibrate
 from sblcosim.comparison.budget.shares import LEAST_RUNS as BUDGET_RUNS
@@ -177,7 +179,7 @@ def test_a_run_that_ends_before_its_time_says_so(cli: Callable[..., Result]) -> 
 
 
 def test_plan_takes_a_seed(cli: Callable[..., Result]) -> None:
-    lines = cli("plan", "paper-scenario-1", "--seed", 77).stdout.splitlines()
+    lines = cli("plan", "paper-scenario-1", "--seed", 77, "--verbose").stdout.splitlines()
     assert ["acoustics.seed", "Int32", "77"] in [
         [word for i, word in enumerate(line.split()) if i != 2] for line in lines
     ]
@@ -186,10 +188,29 @@ def test_plan_takes_a_seed(cli: Callable[..., Result]) -> None:
 def test_plan_prints_components_and_connections_and_writes_nothing(
     cli: Callable[..., Result], tmp_path: Path
 ) -> None:
-    done = cli("plan", "paper-scenario-1", "--receiver", "sequential")
+    done = cli("plan", "paper-scenario-1", "--receiver", "sequential", "--verbose")
     assert "sequential.fmu" in done.stdout
     assert "sequential.range" in done.stdout
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", few([*listings.scenarios()], quick=("realistic-dive",)))
+def test_the_first_screen_of_a_plan_is_its_components_and_what_feeds_them(
+    cli: Callable[..., Result], name: str
+) -> None:
+    """At most 24 lines; with --verbose, all that it counts."""
+    two = ("plan", name, "--receiver", "coupled", "--receiver", "sequential")
+    short, full = (cli(*two, *more).stdout for more in ((), ("--verbose",)))
+    lines = short.splitlines()
+    assert len(lines) < 24
+    rows = {line.split()[0]: line for line in lines[3:-2]}
+    assert {"target", "platform", "acoustics", "coupled", "sequential"} <= rows.keys()
+    assert rows["acoustics"].endswith("target, platform")
+    counts = [int(number) for number in re.findall(r"(\d+) (?:param|input|record)", lines[-1])]
+    _, *tables = full.split("\n\n")
+    heads = ("parameter ", "input ", "recorded ")
+    listed = [t for t in tables if t.startswith(heads)]
+    assert [len(t.splitlines()) - 1 for t in listed] == counts
 
 
 def test_new_writes_a_scenario_that_can_be_run(cli: Callable[..., Result]) -> None:
@@ -403,7 +424,7 @@ def test_a_wrong_number_is_one_line_that_names_the_option(
         ("run x y z", "sblcosim run: must have no arguments beside SCENARIO, got y z"),
         ("scenarios x", "sblcosim scenarios: must have no arguments, got x"),
         ("plan x --sed 3", "sblcosim plan: an option must be one of --receiver, --set, --fmi, "
-         "--seed, --svg, --json, --help, got '--sed'; did you mean '--seed'?"),
+         "--seed, --svg, --json, --verbose, --help, got '--sed'; did you mean '--seed'?"),
         ("--versoin", "sblcosim: an option must be one of --version, --install-completion, "
          "--show-completion, --help, got '--versoin'; did you mean '--version'?"),
         ("export spp x", "sblcosim export: the command must be one of ssp, fmu, got 'spp'; did you "

@@ -99,7 +99,7 @@ COMMANDS = [
     ["run", "paper-scenario-1", "--receiver", "coupled", "--receiver", "sequential", "--verbose",
      "--set", "time.duration_s=5", "--no-figures"],
     ["smooth", "runs/paper-scenario-1", "--no-figures"],
-    ["plan", "paper-scenario-1"],
+    ["plan", "paper-scenario-1"], ["plan", "paper-scenario-1", "--verbose"],
     ["calibrate"],
     ["log", "modem.log", "--verbose"],
     ["run", "harbour-lbl", "--set", "time.duration_s=60", "--log", "--no-figures",

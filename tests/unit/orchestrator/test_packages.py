@@ -124,6 +124,9 @@ def test_the_default_folder_has_the_name_of_the_file(
 def test_the_plan_is_printed(tmp_path: Path) -> None:
     file = export_ssp(DIVE, tmp_path / "x.ssp")
     done = CliRunner().invoke(app, ["plan", str(file)])
+    assert len(done.stdout.splitlines()) < 24
+    assert "unit" not in done.stdout  # nothing is converted
+    done = CliRunner().invoke(app, ["plan", str(file), "--verbose"])
     assert done.exit_code == 0, done.stderr
     assert "ekf        ekf.fmu        2" in done.stdout
     assert "to                                  unit\n" in done.stdout  # nothing is converted
@@ -926,7 +929,7 @@ def test_texts_are_set(master: str, fmi: int, tmp_path: Path) -> None:
     out = sblcosim.run(path, master=master).record.values
     assert out["a.y"][-1, 0, 0] == len("two words, ä".encode())
     assert out["b.y"][-1, 0, 0] == 0.0
-    done = CliRunner().invoke(app, ["plan", str(path)])
+    done = CliRunner().invoke(app, ["plan", str(path), "--verbose"])
     assert ["a.text", "String", "2400", "two", "words,", "ä"] in [
         line.split() for line in done.stdout.splitlines()
     ]
@@ -1150,7 +1153,11 @@ def nested(folder: Path, fmu: Path) -> Path:
 
 
 def test_a_package_is_drawn_in_text(stranger2: Path, tmp_path: Path) -> None:
-    done = CliRunner().invoke(app, ["plan", str(nested(tmp_path, stranger2))])
+    path = str(nested(tmp_path, stranger2))
+    short = CliRunner().invoke(app, ["plan", path]).stdout
+    assert "× 1000" in short  # what changes values is on the first screen
+    assert "s/b.u" not in short.partition("inputs without")[0]
+    done = CliRunner().invoke(app, ["plan", path, "--verbose"])
     assert done.exit_code == 0, done.stderr
     text = done.stdout.partition("\nRun from 0 s to 1 s")[0]
     assert text.startswith("x: 2 components in 2 systems, 5 connections\n")
