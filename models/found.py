@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from dataclasses import fields
 from importlib import import_module
 from types import ModuleType
 from typing import TypeVar
@@ -32,8 +33,7 @@ def declared(package: str, name: str, kind: type[_D]) -> Mapping[str, _D]:
     ------
     DeclarationError
         A module declares nothing under this name, or something of another type; or its declaration
-        lacks a part, or has an unknown one, or a number that is no number. The message names the
-        file.
+        lacks a part, or has an unknown one, or one of a wrong type. The message names the file.
     """
     found: dict[str, _D] = {}
     for file in _files(package):
@@ -52,5 +52,26 @@ def declared(package: str, name: str, kind: type[_D]) -> Mapping[str, _D]:
             raise DeclarationError(
                 f"{file}.py: {name}: number must be a whole number from 1, got {number!r}"
             )
+        for field in fields(one):  # type: ignore[arg-type]
+            value, annotation = getattr(one, field.name), str(field.type)
+            if not _fits(value, annotation):
+                raise DeclarationError(
+                    f"{file}.py: {name}: {field.name} must be {annotation}, got {value!r}"
+                )
         found[file] = one
     return found
+
+
+_SIMPLE = {"tuple": tuple, "int": int, "str": str, "Literal": str, "bool": bool, "Mapping": Mapping}
+
+
+def _fits(value: object, annotation: str) -> bool:
+    """Whether a value may be of an annotated type, without its elements."""
+    if value is None:
+        return "None" in annotation
+    kinds = tuple(kind for word, kind in _SIMPLE.items() if annotation.startswith(word)
+                  or f"| {word}" in annotation)  # fmt: skip
+    if isinstance(value, kinds):
+        return True
+    functions = "Callable" in annotation or "Course" in annotation
+    return callable(value) if functions else not kinds

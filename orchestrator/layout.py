@@ -12,7 +12,9 @@ from itertools import zip_longest
 
 WIDTH = 80
 """Columns of texts with their own layout, unless a terminal gives a number."""
-_BEFORE_UNIT = re.compile(r"(?<=\d) (?=(?:%|m|s)(?:\W|$))")
+_BEFORE_UNIT = re.compile(
+    r"(?<=\d) (?=(?:%|°C|(?:[kcmµn]?m|[mµn]?s|k?Hz|min|h|ppm)(?:/s)?)(?:\W|$))"
+)
 _KEPT = "\N{NO-BREAK SPACE}"
 
 

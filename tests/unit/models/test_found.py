@@ -20,7 +20,7 @@ KINDS = {
     "RANGE_ERROR": (RangeError, "sblcosim.models.acoustics.range_error", {
         "number": "9", "words": "'bubbles'", "parameters": "()", "error": "lambda p, w: 0.0",
     }),
-    "RECEIVER": (ReceiverDeclaration, "sblcosim.models.receiver.receiver", {"component": "None"}),
+    "RECEIVER": (ReceiverDeclaration, "sblcosim.models.receiver.receiver", {"component": "()"}),
 }  # fmt: skip
 NEEDED = [
     (name, part) for name, parts in {
@@ -88,6 +88,32 @@ def test_a_number_is_a_whole_number(written: Written, name: str, value: str) -> 
     assert str(raised.value) == (
         f"own.py: {name}: number must be a whole number from 1, got {value}"
     )
+
+
+WRONG = [
+    *(("TRAJECTORY", part, value) for part in ("takes", "parameters", "draws")
+      for value in ("3", "'x'", "None")),
+    *(("TRAJECTORY", part, value) for part in ("equations",) for value in ("3", "'x'")),
+    ("TRAJECTORY", "random", "3"), ("TRAJECTORY", "random", "None"), ("TRAJECTORY", "place", "'x'"),
+    *(("RANGE_ERROR", part, value) for part in ("parameters", "draws", "random")
+      for value in ("3", "'x'", "None")),
+    *(("RANGE_ERROR", "error", value) for value in ("3", "'x'", "None")),
+    *(("RANGE_ERROR", "words", value) for value in ("3", "None", "()")),
+    ("RANGE_ERROR", "modelled", "'x'"), ("RANGE_ERROR", "sizes", "3"),
+    ("RECEIVER", "purpose", "3"), ("RECEIVER", "equations", "'x'"),
+]
+
+
+@pytest.mark.parametrize(("name", "part", "value"), WRONG)
+def test_a_part_of_a_wrong_type_is_named(
+    written: Written, name: str, part: str, value: str
+) -> None:
+    with pytest.raises(DeclarationError) as raised:
+        declared(written(text_of(name, **{part: value})), name, KINDS[name][0])
+    said = str(raised.value)
+    assert said.startswith("own.py: ")
+    assert part in said
+    assert said.endswith(f"got {value}")
 
 
 @pytest.mark.parametrize("name", KINDS)

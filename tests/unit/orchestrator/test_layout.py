@@ -196,3 +196,15 @@ def test_a_pipe_gets_whole_lines_whatever_the_terminal(tmp_path: Path) -> None:
     assert any(len(line) > 100 for line in lines["study"])
     assert any(line.startswith("coupled: ") and " claims " in line for line in lines["run"])
     assert len(lines["scenarios"]) == len(shipped())
+
+
+@pytest.mark.parametrize("unit", [
+    "%", "m", "s", "ms", "cm", "mm", "km", "m/s", "Hz", "kHz", "min", "h", "ppm", "°C", "µs",
+])
+def test_no_number_is_parted_from_its_unit(unit: str) -> None:
+    """At any width that holds them; a word that only begins like a unit may be parted."""
+    text = f"a clock that is off by 0.9 {unit} and more, of 3 methods"
+    for width in range(len(f"0.9 {unit}") + 1, len(text)):
+        assert f"0.9 {unit}" in filled(text, width)
+    assert any("of 3\n" in filled(text, width) or "\n3\n" in filled(text, width)
+               for width in range(12, len(text)))  # fmt: skip
