@@ -38,6 +38,7 @@ LONG_FUNCTIONS = {
     "cli.commands.processing.process": _COMMAND,
     "cli.commands.requirements.require": _COMMAND,
     "cli.commands.simulate.calibrate": _COMMAND,
+    "cli.commands.simulate.plan": _COMMAND,
     "cli.commands.simulate.run": _COMMAND,
     "cli.commands.simulate.smooth": _COMMAND,
     "cli.commands.tournament.compare": _COMMAND,
