@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Iterable, Iterator
@@ -625,8 +626,8 @@ def test_a_limit_that_a_file_sets_is_its_own_fault(
         result = sblcosim.run(SCENARIO, ["ekf", str(file)], SHORT)
     except ConfigurationError as error:
         result = str(error)
-    if isinstance(result, str):  # too little was left for the import itself to end
-        assert "mine.py' must be importable, got MemoryError" in one_line(result)
+    if isinstance(result, str):  # too little was left for the import, or for the task after it
+        assert re.search(r"must be importable( there)?, got MemoryError", one_line(result)), result
         return
     same(result, alone, ("target", "platform", "acoustics", "ekf", "raw"))
     assert one_line(result.failures["Mine"]).startswith("Mine: must let its process go on, got ")
