@@ -796,7 +796,9 @@ def test_no_number_above_10_000_is_said(seed: int) -> None:
     share, runs = rng.uniform(0.5, 0.99), int(rng.integers(96, 9000))
     passed = int(np.clip(round(runs * rng.normal(share, 0.01)), 0, runs))
     rule = Rule(share, 0.05, int(rng.integers(1, 20)), 2)
-    told = re.findall(r"([\d,]+)(?: or ([\d,]+))? runs (?:of it )?would", missing(rule, passed, runs))
+    text = missing(rule, passed, runs)
+    told = re.findall(r"([\d,]+)(?: or ([\d,]+))? runs (?:of it )?would", text)
+    assert told or "practical" in text
     assert all(int(n.replace(",", "")) <= 10_000 for both in told for n in both if n)
 
 
