@@ -11,6 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..judge.consistency import COVARIANCES, NEES_COLUMNS, TELLING, of_runs
+from ..words.numbers import PRACTICAL_RUNS
 
 WRONG = ("optimistic", "pessimistic")
 UNTOLD = ("one run", "unknown")
@@ -127,7 +128,10 @@ def _over_points(row: dict[Any, Any], mine: pd.DataFrame) -> str:
     if row["untold"]:
         parts.append(f"unknown at {row['untold']}")
     needed = row["runs_needed"]
-    enough = "" if pd.isna(needed) or needed <= row["runs"] else (
-        f"; up to {needed} would reveal a factor of {TELLING:g}"
-    )
+    enough = ""
+    if not pd.isna(needed) and needed > row["runs"]:
+        most = f"up to {needed}" if needed <= PRACTICAL_RUNS else (
+            f"at some points no practical number ({PRACTICAL_RUNS:,})"
+        )
+        enough = f"; {most} would reveal a factor of {TELLING:g}"
     return f"{', '.join(parts)} (95 % each, from {row['runs']} runs per point{enough})"

@@ -33,6 +33,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..lazy import Module
+from ..words.numbers import PRACTICAL_RUNS
 from ..words.shares import rough_percent
 from .definitions import CONFIDENCE, MANY_LOST
 
@@ -143,7 +144,7 @@ class Verdict:
             runs = "1 run lies" if self.runs_far_above == 1 else f"{self.runs_far_above} runs lie"
             return f"{text}; {runs} far above and would dominate the mean, {_short(self.mean_nees)}"
         if self.verdict == "in band" and self.runs_needed and self.runs < self.runs_needed:
-            text += f"; {self.runs_needed} runs would detect a factor of {TELLING:g}"
+            text += f"; {_runs_that(self.runs_needed)} would detect a factor of {TELLING:g}"
         return text
 
 
@@ -253,6 +254,12 @@ def _needed(spread: float) -> int:
         middle = (low + high) // 2
         low, high = (low, middle) if tells(middle) else (middle, high)
     return high
+
+
+def _runs_that(needed: int) -> str:
+    if needed > PRACTICAL_RUNS:
+        return f"no practical number of runs ({PRACTICAL_RUNS:,})"
+    return f"{needed} runs"
 
 
 def _looks(verdict: Verdict) -> str:

@@ -24,12 +24,12 @@ from ..results.responses import defined
 from ..scenario.scenario import Scenario
 from ..shown import folded, page, table, verbatim
 from ..words.lists import doing, listed, plural
-from ..words.numbers import bounds, figure
+from ..words.numbers import PRACTICAL_RUNS, bounds, figure
 from ..words.shares import percent
 from . import limiting
 from .limiting import Limiting
 from .question import Question
-from .sequential import FIRST, MOST_RUNS, Decision, Rule
+from .sequential import FIRST, Decision, Rule
 from .tables import CONDITIONS, DESIGNS
 
 if TYPE_CHECKING:
@@ -526,13 +526,19 @@ def _undecided(count: int) -> str:
 
 
 def missing(rule: Rule, passed: int, runs: int) -> str:
-    """How many runs would decide an arm, given that `passed` of `runs` passed."""
-    needed = rule.runs_to_decide(passed, runs)
+    """How many runs would decide an arm, given that `passed` of `runs` passed.
+
+    Beyond `PRACTICAL_RUNS`, it says in words that no practical number would.
+    """
+    needed = rule.runs_to_decide(passed, runs, PRACTICAL_RUNS)
     if needed is not None:
         return f"At this share, {needed:,} runs of it would decide."
-    text = f"At this share, not even {MOST_RUNS:,} runs of it would decide."
+    text = (
+        "This share is too close to the required one to decide with any practical number of runs "
+        f"({PRACTICAL_RUNS:,})."
+    )
     ends = share_interval(passed, runs)
-    at_ends = [rule.runs_to_decide(end * runs, runs) for end in ends]
+    at_ends = [rule.runs_to_decide(end * runs, runs, PRACTICAL_RUNS) for end in ends]
     if None in at_ends:
         return text
     low, high = (percent(end, ".4g") for end in ends)

@@ -136,13 +136,13 @@ class Rule:
             return "suffices"
         return "fails" if runs and passed <= self.too_few(runs) else "undecided"
 
-    def runs_to_decide(self, passed: float, runs: int) -> int | None:
+    def runs_to_decide(self, passed: float, runs: int, most: int = MOST_RUNS) -> int | None:
         """Number of runs at the look that would decide an arm if its share stayed the same.
 
-        None means that not even `MOST_RUNS` would.
+        None means that not even `most` would.
         """
         for n in looks():
-            if n > MOST_RUNS:
+            if n > most:
                 return None
             same = int(passed * n // max(runs, 1))
             if n > runs and self.verdict(same, n) != "undecided":

@@ -14,7 +14,8 @@ heading
     *GNSS Heading*, u-blox.com/en/technologies/gnss-heading).
 clock
     0.05 m of sound travel, 33 µs: set by the pulse of a GPS receiver just before the dive. The
-    drift from then on remains. The figure is an assumption.
+    figure is an assumption. The drift from then on is that of the grade ``ocxo`` of
+    `sblcosim.models.acoustics.clock`, with its source.
 sound speed
     0.2 %, 3 m/s: a thermometer accurate to 1 K at 20 °C (2.7 m/s per kelvin: K. V. Mackenzie, J.
     Acoust. Soc. Am. 70, 1981, 807-812).
@@ -137,6 +138,7 @@ def _of_ranges() -> Iterator[Source]:
 OF_BITS = ("acoustics.packet_resolution_m", "acoustics.packet_angle_resolution_deg")
 _AMPLITUDES = ("roll_amplitude_deg", "pitch_amplitude_deg", "yaw_amplitude_deg",
                "surge_amplitude_m", "sway_amplitude_m", "heave_amplitude_m")
+_DRIFT = ("acoustics.clock_drift_s_s", "acoustics.clock_drift_std_s_s")
 _OF_SPECTRUM = ("wave_height_m", "watch_circle_m")
 
 SOURCES: Mapping[str, Source] = {
@@ -165,11 +167,10 @@ SOURCES: Mapping[str, Source] = {
             "clock", "the clock",
             (
                 Part(_keys("acoustics", "clock_", ("offset_s", "offset_std_s")), 0.05 / 1500),
-                Part(_keys("acoustics", "clock_", ("drift_s_s",))),
-                Part(_keys("acoustics", "clock_", ("drift_std_s_s",))),
+                Part(_DRIFT, _grade("clock_grade", "ocxo", _DRIFT)),
                 Part(_keys("acoustics", "clock_", ("sync_age_s",)), 0.0),
             ),
-            "0.05 m",
+            "OCXO set to 0.05 m",
         ),
         Source(
             "turn-around", "the turn-around of beacons that answer",

@@ -7,6 +7,9 @@ from collections.abc import Callable
 from math import ceil, isfinite, isinf, isnan
 from typing import Any
 
+PRACTICAL_RUNS = 10_000
+"""Largest number of runs that a sentence asks for."""
+
 
 def is_missing(value: float | None) -> bool:
     """Whether a number is missing: None or NaN."""

@@ -29,6 +29,7 @@ from sblcosim.comparison.budget.shares import shares
 from sblcosim.errors import ConfigurationError
 from sblcosim.limits.run import of_run
 from sblcosim.models import COMPONENTS
+from sblcosim.models.acoustics import clock
 from sblcosim.scenario.error_sources import SOURCES
 from sblcosim.scenario.scenario import load, shipped
 from sblcosim.scenario.wiring import connect
@@ -163,9 +164,34 @@ def test_better_equipment_keeps_the_character_of_an_error() -> None:
     assert np.hypot.reduce(horizontal) == pytest.approx(0.01 / np.sqrt(2), rel=1e-3)
     assert changes["acoustics.sound_speed_m_s"] == pytest.approx(1503.0)
     assert changes["acoustics.clock_offset_s"] == pytest.approx(0.05 / 1500)
-    assert "acoustics.clock_drift_s_s" not in changes
+    assert changes["acoustics.clock_drift_s_s"] == pytest.approx(clock.GRADES["ocxo"])
     good = load(DIVE, {"acoustics.range_std_m": 0.015})
     assert "range noise" not in sources.of_scenario(good, better=True)
+
+
+@pytest.mark.parametrize("age", [0.0, 600.0])
+@pytest.mark.parametrize("grade", clock.GRADES)
+def test_a_better_clock_drifts_as_a_better_grade(grade: str, age: float) -> None:
+    """Every grade that drifts more becomes an OCXO; none becomes worse."""
+    given = {"acoustics.clock_grade": grade, "acoustics.clock_sync_age_s": age,
+             "acoustics.clock_offset_s": 0.0, "acoustics.clock_drift_s_s": 0.0}
+    base = load("gps-buoys", given)
+    changes = sources.switched(base, ("clock",), better=True)
+    after = load(base.given(), changes).acoustics.clock_drift_std_s_s
+    assert after == pytest.approx(min(clock.GRADES[grade], clock.GRADES["ocxo"]), rel=1e-9)
+    assert ("acoustics.clock_drift_std_s_s" in changes) is (grade in ("crystal", "tcxo"))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_constant_and_a_drawn_drift_shrink_together(seed: int) -> None:
+    constant, drawn = np.random.default_rng(seed).uniform(1e-8, 1e-5, 2) * (-1.0, 1.0)
+    base = load(DIVE, {"acoustics.clock_drift_s_s": constant,
+                       "acoustics.clock_drift_std_s_s": drawn})
+    keys = ("acoustics.clock_drift_s_s", "acoustics.clock_drift_std_s_s")
+    better, off = (sources.switched(base, ("clock",), it) for it in (True, False))
+    assert np.hypot(*(better[key] for key in keys)) == pytest.approx(clock.GRADES["ocxo"])
+    assert better[keys[0]] / better[keys[1]] == pytest.approx(constant / drawn)
+    assert [off[key] for key in keys] == [0.0, 0.0]
 
 
 def test_a_sign_is_kept() -> None:

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import asdict, replace
 
 import numpy as np
+import pandas as pd
 import pytest
+from sblcosim.analysis.covariance import sentences
 from sblcosim.judge.consistency import TELLING, Verdict, of_runs
 
 STUDIES = 1500
@@ -94,6 +97,23 @@ def test_few_runs_in_band_say_how_many_would_tell():
     assert str(found).endswith(f"3 runs); {found.runs_needed} runs would detect a factor of 1.1")
     (study,) = run_means(np.random.default_rng(4), 40, (1, 400))
     assert "would tell" not in str(of_runs(study))
+
+
+@pytest.mark.parametrize("needed", [9_999, 10_000, 10_001, 10**9])
+def test_more_than_10_000_runs_are_not_asked_for(needed):
+    found = replace(of_runs([1.0, 5.0, 4.0]), runs_needed=needed)
+    row = asdict(found) | {"receiver": "a", "frame": "absolute", "words": str(found)}
+    ((over_points,),) = sentences(pd.DataFrame([row, row])).values()
+    if needed <= 10_000:
+        assert str(found).endswith(f"; {needed} runs would detect a factor of 1.1")
+        assert over_points.endswith(f"; up to {needed} would reveal a factor of 1.1)")
+    else:
+        assert str(found).endswith(
+            "; no practical number of runs (10,000) would detect a factor of 1.1"
+        )
+        assert over_points.endswith(
+            "; at some points no practical number (10,000) would reveal a factor of 1.1)"
+        )
 
 
 @pytest.mark.parametrize(("factor", "word"), [(1.0, "in band"), (3.0, "optimistic"),

@@ -756,8 +756,8 @@ def test_what_is_missing_to_decide_is_true(passed: int, runs: int) -> None:
     rule = Rule(0.9, 0.05, 6, 2)
     text = missing(rule, passed, runs)
     shares = [passed / runs]
-    if "not even" in text:
-        for n in (10**3, 10**5, 10**7):
+    if "too close" in text:
+        for n in (10**3, 10**4):
             assert rule.verdict(passed * n // runs, n) == "undecided"
         # Clopper and Pearson's interval, by the quantiles of the beta distribution.
         low = stats.beta.ppf(0.025, passed, runs - passed + 1)
@@ -770,6 +770,36 @@ def test_what_is_missing_to_decide_is_true(passed: int, runs: int) -> None:
         assert rule.verdict(int(share * n), n) != "undecided"
         before = itertools.takewhile(n.__gt__, looks())
         assert all(rule.verdict(int(share * m), m) == "undecided" for m in before if m > runs)
+
+
+SIDES = [(1824, 9456), (1825, 10400), (1838, 47768), (1852, 3165688), (1874, 10400), (1875, 9456)]
+
+
+@pytest.mark.parametrize(("passed", "needed"), SIDES)
+def test_more_than_10_000_runs_are_not_asked_for(passed: int, needed: int) -> None:
+    """On both sides of the limit, for shares below and above the required one."""
+    rule = Rule(0.9, 0.05, 6, 2)
+    assert rule.runs_to_decide(passed, 2056) == needed
+    text = missing(rule, passed, 2056)
+    if needed <= 10_000:
+        assert text == f"At this share, {needed:,} runs of it would decide."
+    else:
+        assert text.startswith(
+            "This share is too close to the required one to decide with any practical number of "
+            "runs (10,000)."
+        )
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_no_number_above_10_000_is_said(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    share, runs = rng.uniform(0.5, 0.99), int(rng.integers(96, 9000))
+    passed = int(np.clip(round(runs * rng.normal(share, 0.01)), 0, runs))
+    rule = Rule(share, 0.05, int(rng.integers(1, 20)), 2)
+    text = missing(rule, passed, runs)
+    told = re.findall(r"([\d,]+)(?: or ([\d,]+))? runs (?:of it )?would", text)
+    assert told or "practical" in text
+    assert all(int(n.replace(",", "")) <= 10_000 for both in told for n in both if n)
 
 
 def test_undecided_designs_have_intervals_of_the_confidence_that_is_said() -> None:
