@@ -341,6 +341,14 @@ class Component:
     stop_time: float = 90.0
 
     def __post_init__(self) -> None:
+        for word, kind in (("name", str), ("number", int), ("description", str)):
+            if type(value := getattr(self, word)) is not kind:
+                raise DeclarationError(
+                    f"{self.name}: {word} must be {kind.__name__}, got {value!r}"
+                )
+        for one in self.variables:
+            if not isinstance(one, Variable):
+                raise DeclarationError(f"{self.name}: variables must be Variable, got {one!r}")
         names = [v.name for v in self.variables]
         if len(set(names)) != len(names):
             raise DeclarationError(f"{self.name}: variable names are not unique")

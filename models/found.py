@@ -9,7 +9,8 @@ from importlib import import_module
 from types import ModuleType
 from typing import TypeVar
 
-from .declaration import DeclarationError
+from .declaration import Component, DeclarationError, Variable
+from .draws import Draw
 
 _D = TypeVar("_D")
 
@@ -32,15 +33,23 @@ def declared(package: str, name: str, kind: type[_D]) -> Mapping[str, _D]:
     Raises
     ------
     DeclarationError
-        A module declares nothing under this name, or something of another type; or its declaration
-        lacks a part, or has an unknown one, or one of a wrong type. The message names the file.
+        A module cannot be imported; it declares nothing under this name, or something of another
+        type; or its declaration lacks a part, or has an unknown one, or one of a wrong type. The
+        message names the file.
     """
     found: dict[str, _D] = {}
     for file in _files(package):
         try:
             module = import_module(f"{package}.{file}")
+        except DeclarationError as error:
+            raise DeclarationError(f"{file}.py: {error}") from error
         except TypeError as error:  # of a declaration without one of its parts
             raise DeclarationError(f"{file}.py: must declare {name} completely: {error}") from error
+        except Exception as error:  # whatever a file of a user raises
+            raise DeclarationError(
+                f"{file}.py: must be a module that can be imported, got {type(error).__name__}: "
+                f"{error}"
+            ) from error
         one = getattr(module, name, None)
         if not isinstance(one, kind):
             got = "none" if one is None else f"{type(one).__name__}"
@@ -62,16 +71,20 @@ def declared(package: str, name: str, kind: type[_D]) -> Mapping[str, _D]:
     return found
 
 
-_SIMPLE = {"tuple": tuple, "int": int, "str": str, "Literal": str, "bool": bool, "Mapping": Mapping}
+_SIMPLE = {"tuple": tuple, "int": int, "str": str, "Literal": str, "bool": bool,
+           "Mapping": Mapping, "Component": Component, "Variable": Variable,
+           "Draw": Draw}  # fmt: skip
 
 
 def _fits(value: object, annotation: str) -> bool:
-    """Whether a value may be of an annotated type, without its elements."""
+    """Whether a value may be of an annotated type, with the elements of a tuple."""
     if value is None:
-        return "None" in annotation
+        return annotation == "None" or annotation.endswith("| None")
     kinds = tuple(kind for word, kind in _SIMPLE.items() if annotation.startswith(word)
                   or f"| {word}" in annotation)  # fmt: skip
     if isinstance(value, kinds):
-        return True
+        _, _, inner = annotation.partition("tuple[")
+        element = inner.rpartition(", ...")[0]
+        return not isinstance(value, tuple) or all(_fits(one, element) for one in value)
     functions = "Callable" in annotation or "Course" in annotation
     return callable(value) if functions else not kinds

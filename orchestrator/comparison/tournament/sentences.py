@@ -15,7 +15,7 @@ from ...judge.over_runs import SUFFIX
 from ...layout import fitted, table
 from ...results.responses import RESPONSES, readable, unit_of
 from ...words.lists import listed
-from ...words.numbers import interval, measured, rounded
+from ...words.numbers import PRACTICAL_RUNS, interval, measured, rounded
 from ...words.shares import percent, percent_at_least, percent_at_most, rough_percent
 from ..common.evaluation import ALL, PERCENTILE
 from ..common.statistics import ALPHA, SHARE, least_runs
@@ -518,14 +518,10 @@ def _spreads(it: Tournament, place: str) -> Iterator[tuple[str, ...]]:
         )
 
 
-_MANY = 10_000
-"""More runs than these are no practical way to decide."""
-
-
 def would_decide(runs: int) -> str:
     """How many runs would decide, if it is worth saying."""
-    if runs > _MANY:
-        return f"they are so alike that not even {_MANY:,} runs would decide"
+    if runs > PRACTICAL_RUNS:
+        return f"no practical number of runs ({PRACTICAL_RUNS:,}) would decide"
     return f"about {runs:,} runs would decide"
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
@@ -20,7 +21,9 @@ KINDS = {
     "RANGE_ERROR": (RangeError, "sblcosim.models.acoustics.range_error", {
         "number": "9", "words": "'bubbles'", "parameters": "()", "error": "lambda p, w: 0.0",
     }),
-    "RECEIVER": (ReceiverDeclaration, "sblcosim.models.receiver.receiver", {"component": "()"}),
+    "RECEIVER": (ReceiverDeclaration, "sblcosim.models.receiver.receiver", {
+        "component": "receiver('Own', 90, 'A receiver', ())",
+    }),
 }  # fmt: skip
 NEEDED = [
     (name, part) for name, parts in {
@@ -54,7 +57,11 @@ def text_of(name: str, **changed: str | None) -> str:
     kind, home, parts = KINDS[name]
     kept = {key: value for key, value in {**parts, **changed}.items() if value is not None}
     arguments = ", ".join(f"{key}={value}" for key, value in kept.items())
-    return f"from {home} import {kind.__name__}\n{name} = {kind.__name__}({arguments})\n"
+    return (
+        f"from {home} import {kind.__name__}\n"
+        "from sblcosim.models.receiver.variables import receiver\n"
+        f"{name} = {kind.__name__}({arguments})\n"
+    )
 
 
 @pytest.mark.parametrize("name", KINDS)
@@ -114,6 +121,53 @@ def test_a_part_of_a_wrong_type_is_named(
     assert said.startswith("own.py: ")
     assert part in said
     assert said.endswith(f"got {value}")
+
+
+@pytest.mark.parametrize(
+    ("name", "part"), [(name, it.name) for name in KINDS for it in fields(KINDS[name][0])]
+)
+def test_every_part_has_a_type(written: Written, name: str, part: str) -> None:
+    with pytest.raises(DeclarationError, match=rf"^own\.py: .*{part}"):
+        declared(written(text_of(name, **{part: "object()"})), name, KINDS[name][0])
+
+
+@pytest.mark.parametrize(("name", "part"), [
+    (name, it.name) for name in KINDS for it in fields(KINDS[name][0]) if "tuple[" in str(it.type)
+])  # fmt: skip
+@pytest.mark.parametrize("element", ["3", "None", "object()"])
+def test_every_element_has_a_type(written: Written, name: str, part: str, element: str) -> None:
+    with pytest.raises(DeclarationError, match=rf"^own\.py: .*{part} must be .*tuple"):
+        declared(written(text_of(name, **{part: f"({element},)"})), name, KINDS[name][0])
+
+
+@pytest.mark.parametrize(("component", "said"), [
+    ("3", "component must be Component, got 3"),
+    ("None", "component must be Component, got None"),
+    ("receiver(3, 90, 'x', ())", "name must be str, got 3"),
+    ("receiver('Own', None, 'x', ())", "number must be int, got None"),
+    ("receiver('Own', 'a', 'x', ())", "number must be int, got 'a'"),
+    ("receiver('Own', 90, 3, ())", "description must be str, got 3"),
+    ("receiver('Own', 90, 'x', (3,))", "variables must be Variable, got 3"),
+    ("receiver('Own', 90, 'x')", "'parameters'"),
+])  # fmt: skip
+def test_a_wrong_component_is_named(written: Written, component: str, said: str) -> None:
+    with pytest.raises(DeclarationError) as raised:
+        declared(written(text_of("RECEIVER", component=component)), "RECEIVER", ReceiverDeclaration)
+    assert str(raised.value).startswith("own.py: ")
+    assert str(raised.value).endswith(said)
+
+
+@pytest.mark.parametrize("name", KINDS)
+@pytest.mark.parametrize(("text", "got"), [
+    ("x = (", "SyntaxError"), ("import nothing_here", "ModuleNotFoundError"),
+    ("x = nothing", "NameError"), ("x = 1 / 0", "ZeroDivisionError"),
+])  # fmt: skip
+def test_a_module_that_cannot_be_imported_is_named(
+    written: Written, name: str, text: str, got: str
+) -> None:
+    said = rf"^own\.py: must be a module that can be imported, got {got}: "
+    with pytest.raises(DeclarationError, match=said):
+        declared(written(text), name, KINDS[name][0])
 
 
 @pytest.mark.parametrize("name", KINDS)

@@ -280,7 +280,7 @@ def test_columns_of_which_nothing_is_known_are_left_away() -> None:
 def test_no_number_of_runs_that_nobody_makes_is_asked_for() -> None:
     """Up to 10,000 it is said; beyond, that they are alike."""
     assert would_decide(10_000) == "about 10,000 runs would decide"
-    assert would_decide(10_001) == "they are so alike that not even 10,000 runs would decide"
+    assert would_decide(10_001) == "no practical number of runs (10,000) would decide"
 
 
 def test_runs_that_would_decide_are_those_of_each_pair() -> None:
