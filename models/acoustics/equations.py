@@ -19,7 +19,7 @@ from ..ports import BEACONS
 from .contents import CONTENTS, Content
 from .propagation import images, leg_length, mean_speed, path_length
 from .range_errors import FOUND
-from .ranging import RANGINGS
+from .ranging import RANGINGS, Ranging
 from .schedules import SCHEDULES
 from .shadow import of_course
 from .variables import COMPONENT
@@ -60,8 +60,8 @@ def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
         ),
         "request_chance": ca.repmat(p.loss_probability, n, 1),
         "answer_chance": ca.repmat(p.loss_probability, n, 1),
-        "asked_position": ca.SX.zeros(n, 3),
-        "asked_epoch": t,
+        "last_position": ca.SX.zeros(n, 3),
+        "last_epoch": t,
         "listening": 0,
     }
 
@@ -149,29 +149,27 @@ def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Val
         (p.schedule == it.number) * (it.together(p.beacons) - 1)
         for it in SCHEDULES.values() if it.together(p.beacons) > 1
     )
-    asked, listening = _asked(p), _listening(p)
-    others = others * (1 - listening)
     sounding = (
         (p.surface_echo_probability + p.bottom_echo_probability + p.profile_count > 0)
-        * (1 - asked) * (1 - listening) * (others + 1)
+        * _broadcast(p) * (others + 1)
     )
     partial = prod(p.packet_content != it.number for it in CONTENTS.values() if it.is_everything)
     return {
         **_ping(p, x, u, w, t, turn), "turn": turn, "waiting": others,
         "sounding": sounding, "unwritten": partial + _is_rounded(p) > 0,
-        "asking": asked * (others + 1),
-        "listening": listening * p.beacons,
+        "asking": _which(p, lambda it: it.legs > 1) * (others + 1),
+        "listening": _which(p, lambda it: it.from_diver) * p.beacons,
     }
 
 
-def _asked(p: Symbols) -> Any:
-    """1 if beacons answer requests, else 0."""
-    return sum(p.ranging == it.number for it in RANGINGS.values() if it.legs > 1)
+def _which(p: Symbols, of: Callable[[Ranging], bool]) -> Any:
+    """1 if the way to range meets the condition, else 0."""
+    return sum(p.ranging == it.number for it in RANGINGS.values() if of(it))
 
 
-def _listening(p: Symbols) -> Any:
-    """1 if beacons listen for pings of the diver, else 0."""
-    return sum(p.ranging == it.number for it in RANGINGS.values() if it.from_diver)
+def _broadcast(p: Symbols) -> Any:
+    """1 if beacons ping and the diver only listens, else 0."""
+    return _which(p, lambda it: it.legs == 1 and not it.from_diver)
 
 
 def _counted_round(p: Symbols, place: Any) -> Any:
@@ -198,8 +196,7 @@ def _ping(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, turn: Any) -> 
     chance = sum(ca.if_else(it, x.loss_chance[i], 0) for i, it in enumerate(is_turn))
     received = w.loss >= chance * _UNIFORMS
     after = ca.if_else(received, x.loss_after[0], x.loss_after[1])
-    pinging = (1 - _asked(p)) * (1 - _listening(p))
-    heard = received * (w.shadow >= _shade(p, u, beacon) * _UNIFORMS) * pinging
+    heard = received * (w.shadow >= _shade(p, u, beacon) * _UNIFORMS) * _broadcast(p)
     return {
         **_latched(x, u, t, [heard * it for it in is_turn], {
             "range": _measured(p, x, w, t, travel_time),
@@ -339,14 +336,9 @@ def _round_trip(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Value
             p, u.target_position + velocity * half, velocity, beacon + sign * drift * half,
             [getattr(w, f"{leg}_{mirror}_echo") for mirror in ("surface", "bottom")],
         )
-        chance = getattr(x, f"{leg}_chance")
-        heard = getattr(w, f"{leg}_loss") >= _UNIFORMS * sum(
-            ca.if_else(it, chance[i], 0) for i, it in enumerate(is_turn)
+        heard, chances[f"{leg}_chance"] = _passed(
+            x, is_turn, getattr(x, f"{leg}_chance"), getattr(w, f"{leg}_loss")
         )
-        after = ca.if_else(heard, x.loss_after[0], x.loss_after[1])
-        chances[f"{leg}_chance"] = ca.vertcat(*(
-            ca.if_else(it, after, chance[i]) for i, it in enumerate(is_turn)
-        ))
         heard = heard * (getattr(w, f"{leg}_shadow") >= shade * _UNIFORMS)
         lengths.append(direct)
         times.append(ca.if_else(heard, time, echo))
@@ -368,21 +360,39 @@ def _round_trip(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Value
             "arrival_epoch": t + half + times[1],
         }),
         **chances,
+        **_next(p, x, u, t, new, x.asking),
+        "asking": x.asking - 1,
+    }
+
+
+def _passed(x: Symbols, is_turn: list[Any], chance: Any, loss: Any) -> tuple[Any, Any]:
+    """Whether a packet of the beacon whose turn it is passes, and the chances of the next ones."""
+    heard = loss >= _UNIFORMS * sum(
+        ca.if_else(it, chance[i], 0) for i, it in enumerate(is_turn)
+    )
+    after = ca.if_else(heard, x.loss_after[0], x.loss_after[1])
+    return heard, ca.vertcat(*(
+        ca.if_else(it, after, chance[i]) for i, it in enumerate(is_turn)
+    ))
+
+
+def _next(p: Symbols, x: Symbols, u: Symbols, t: Any, new: list[Any], left: Any) -> Values:
+    """What follows for the beacon before this one; after the last of them, for the next slot."""
+    return {
         "packet_beacon_position": ca.if_else(
             sum(new) > 0, u.reported_beacon_position, x.packet_beacon_position
         ),
-        "asked_position": ca.if_else(x.asking > 1, x.asked_position, u.beacon_position),
-        "asked_epoch": ca.if_else(x.asking > 1, x.asked_epoch, t),
+        "last_position": ca.if_else(left > 1, x.last_position, u.beacon_position),
+        "last_epoch": ca.if_else(left > 1, x.last_epoch, t),
         "turn": ca.if_else(x.turn > 0, x.turn - 1, p.beacons - 1),
-        "asking": x.asking - 1,
     }
 
 
 def _drift(p: Symbols, x: Symbols, beacon: Any, is_turn: list[Any], t: Any) -> Any:
     """Velocity of a beacon over the last slot [m/s]; 0 in the first one."""
-    slot = t - x.asked_epoch
-    known = (x.asked_epoch > x.start) * (slot > 0)
-    moved = (beacon - _row(x.asked_position, is_turn)) / ca.if_else(known, slot, 1)
+    slot = t - x.last_epoch
+    known = (x.last_epoch > x.start) * (slot > 0)
+    moved = (beacon - _row(x.last_position, is_turn)) / ca.if_else(known, slot, 1)
     return ca.if_else(known, moved, 0) * p.motion_during_travel
 
 
@@ -404,11 +414,7 @@ def _arrival(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
         p, beacon - since * drift, drift, diver,
         [getattr(w, f"arrival_{mirror}_echo") for mirror in ("surface", "bottom")],
     )
-    chance = x.request_chance
-    heard = w.arrival_loss >= _UNIFORMS * sum(
-        ca.if_else(it, chance[i], 0) for i, it in enumerate(is_turn)
-    )
-    after = ca.if_else(heard, x.loss_after[0], x.loss_after[1])
+    heard, chance = _passed(x, is_turn, x.request_chance, w.arrival_loss)
     heard = heard * (w.arrival_shadow >= _shade(p, u, beacon) * _UNIFORMS)
     travel_time = ca.if_else(heard, time, echo)
     new = [it * (heard + (echo < _NEVER) > 0) for it in is_turn]
@@ -423,15 +429,8 @@ def _arrival(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
             "ping_beacon_position": u.reported_beacon_position + carried,
             "arrival_epoch": t + late,
         }),
-        "request_chance": ca.vertcat(*(
-            ca.if_else(it, after, chance[i]) for i, it in enumerate(is_turn)
-        )),
-        "packet_beacon_position": ca.if_else(
-            sum(new) > 0, u.reported_beacon_position, x.packet_beacon_position
-        ),
-        "asked_position": ca.if_else(x.listening > 1, x.asked_position, u.beacon_position),
-        "asked_epoch": ca.if_else(x.listening > 1, x.asked_epoch, t),
-        "turn": ca.if_else(x.turn > 0, x.turn - 1, p.beacons - 1),
+        "request_chance": chance,
+        **_next(p, x, u, t, new, x.listening),
         "listening": x.listening - 1,
     }
 

@@ -36,8 +36,6 @@ RANGINGS: Mapping[str, Ranging] = in_order("ways to range", {
     "inverted": Ranging(3, "the diver pings, and all beacons listen", 1, from_diver=True),
 })
 RANGING: Mapping[int, str] = {it.number: name for name, it in RANGINGS.items()}
-
-
 INVERTED = tuple(name for name, it in RANGINGS.items() if it.from_diver)
 """Names of the ways in which the diver's ping is heard by all beacons."""
 

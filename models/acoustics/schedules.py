@@ -45,13 +45,12 @@ SCHEDULES: Mapping[str, Schedule] = in_order("schedules", {
     "round_robin": Schedule(1, "one beacon pings in each slot", lambda n: 1),
     "simultaneous": Schedule(2, "all", lambda n: n, ordered=False),
 })
-
-def schedule_of(acoustics: Any) -> Schedule:
-    """The schedule of the tables ``[acoustics]``: the diver's ping comes to all beacons at once."""
-    inverted = acoustics.ranging in INVERTED
-    return SCHEDULES["simultaneous" if inverted else acoustics.schedule]
-
-
 SCHEDULE: Mapping[int, str] = {it.number: name for name, it in SCHEDULES.items()}
 ORDERED = tuple(name for name, it in SCHEDULES.items() if it.ordered)
 """Names of the schedules on which ``slot_order`` has an effect."""
+
+
+def schedule_of(acoustics: Any) -> Schedule:
+    """The schedule of a table ``[acoustics]``. A ping of the diver comes to all beacons at once."""
+    inverted = acoustics.ranging in INVERTED
+    return SCHEDULES["simultaneous" if inverted else acoustics.schedule]
