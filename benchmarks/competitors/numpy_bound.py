@@ -41,7 +41,8 @@ def _part(
     p = SimpleNamespace(**numbers | {"acceleration_psd": acceleration_psd})
     size = bound.states + bound.each * count
     P = np.zeros((size, size, divers))
-    for state, std in bound.prior_stds(p).items():
+    first = SimpleNamespace(position=position[0].T, platform=platform[0], attitude=attitude[0])
+    for state, std in bound.prior_stds(np, p, first).items():
         for i in _copies(bound, state, count):
             P[i, i] = std**2
     found = []

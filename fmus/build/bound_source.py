@@ -65,10 +65,13 @@ def _model(name: str, bound: Bound) -> Iterator[str]:
     column, p = _parameter_symbols(bound)
     size = bound.states + bound.each
     yield f"/* {name}: parameters {', '.join(_parameters(bound))} */"
-    stds = bound.prior_stds(p)
+    surroundings, s = _surroundings()
+    stds = bound.prior_stds(ca, p, s)
     yield _function(
-        f"{name}_prior(const real *p, real *variance)", column,
-        [stds.get(i, 0) ** 2 for i in range(size)], "variance",
+        f"{name}_prior(const real *p, const real *s, real *variance)",
+        ca.vertcat(column, surroundings), [stds.get(i, 0) ** 2 for i in range(size)], "variance",
+        [*(f"p[{i}]" for i in range(column.numel())),
+         *(f"s[{i}]" for i in range(surroundings.numel()))],
     )
     dt = ca.SX.sym("dt")
     tables = bound.transition(ca, p, dt)

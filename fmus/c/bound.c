@@ -28,7 +28,7 @@ struct model {
     int states, each, parameters, n_phi, n_noise, n_rows;
     const int (*phi)[2], (*noise)[2]; /* Phi without its ones; the upper triangle of Q */
     const struct row *rows;
-    void (*prior)(const real *p, real *variance);
+    void (*prior)(const real *p, const real *surroundings, real *variance);
     void (*transition)(const real *p, real dt, real *phi_and_noise);
     void (*marginals)(const real *p, const real *P, int n, real *absolute_and_relative);
 };
@@ -41,10 +41,10 @@ static int copies(const struct model *m, int state, int beacons)
     return state < m->states ? 1 : beacons;
 }
 
-static void prior(const struct model *m, int beacons, int n, const real *p, real *P)
+static void prior(const struct model *m, int beacons, int n, const real *p, const real *s, real *P)
 {
     real variance[MOST_STATES];
-    m->prior(p, variance);
+    m->prior(p, s, variance);
     for (int i = 0; i < n * n; i++)
         P[i] = r_set1(0.0);
     for (int i = 0; i < m->states + m->each; i++)
@@ -184,6 +184,21 @@ static void keep(const struct bound_task *t, const struct model *m, int n, int k
     }
 }
 
+/* The true values at an epoch, without a beacon. */
+static void surroundings(const struct bound_task *t, int first, int epoch, real *s)
+{
+    for (int i = 0; i < PLACES; i++) {
+        for (int lane = 0; lane < LANES; lane++) {
+            const int diver = first + lane < t->divers ? first + lane : t->divers - 1;
+            const size_t place = (size_t)epoch * t->divers + diver;
+            r_put(&s[i], lane, t->position[place * PLACES + i]);
+        }
+        s[PLACES + i] = r_set1(t->platform[(size_t)epoch * PLACES + i]);
+        s[2 * PLACES + i] = r_set1(t->attitude[(size_t)epoch * PLACES + i]);
+        s[3 * PLACES + i] = r_set1(0.0);
+    }
+}
+
 /* Divers from first on, one per lane. Spare lanes repeat the last diver. */
 static void group(const struct bound_task *t, const struct model *m, int first)
 {
@@ -195,18 +210,10 @@ static void group(const struct bound_task *t, const struct model *m, int first)
         const int diver = first + lane < t->divers ? first + lane : t->divers - 1;
         r_put(&p[0], lane, t->acceleration_psd[diver]);
     }
-    prior(m, t->beacons, n, p, P);
     for (int epoch = 0, kept = 0; epoch < t->epochs && kept < t->kept; epoch++) {
-        for (int i = 0; i < PLACES; i++) {
-            for (int lane = 0; lane < LANES; lane++) {
-                const int diver = first + lane < t->divers ? first + lane : t->divers - 1;
-                const size_t place = (size_t)epoch * t->divers + diver;
-                r_put(&s[i], lane, t->position[place * PLACES + i]);
-            }
-            s[PLACES + i] = r_set1(t->platform[(size_t)epoch * PLACES + i]);
-            s[2 * PLACES + i] = r_set1(t->attitude[(size_t)epoch * PLACES + i]);
-            s[3 * PLACES + i] = r_set1(0.0);
-        }
+        surroundings(t, first, epoch, s);
+        if (epoch == 0)
+            prior(m, t->beacons, n, p, s, P);
         if (t->dt[epoch] > 0.0)
             advance(m, t->beacons, n, p, r_set1(t->dt[epoch]), P);
         measured(t, m, n, epoch, p, s, P);

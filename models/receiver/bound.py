@@ -18,7 +18,8 @@ from . import field, surroundings, waves
 from .surroundings import Elements, Measurement, Pose
 
 FAR_STD = 30.0
-"""Standard deviation of a position before any measurement [m]; a larger one changes nothing."""
+"""Standard deviation of a position before any measurement [m]. That of a diver who is more than
+twice as far away is larger: it would count as a measurement there."""
 ANYWHERE = 10.0
 """Standard deviation of a heading before any measurement [rad]."""
 _LEAST_STD = 1e-6
@@ -67,7 +68,8 @@ class Bound:
     states, each
         Number of states without beacons, and number of states per beacon.
     prior_stds
-        ``prior_stds(p)``, by index of the state. All other states are known at the start.
+        ``prior_stds(m, p, s)``, by index of the state, with the true values at the first epoch. All
+        other states are known at the start.
     transition
         ``transition(m, p, dt)``: Φ without its ones, and the upper triangle of Q.
     marginals
@@ -77,7 +79,7 @@ class Bound:
     parameters: Sequence[str]
     states: int
     each: int
-    prior_stds: Callable[[Any], Mapping[int, Any]]
+    prior_stds: Callable[[Any, Any, Any], Mapping[int, Any]]
     transition: Callable[[Any, Any, Any], tuple[Elements, ...]]
     rows: Sequence[Row]
     marginals: Callable[[Any, Any], tuple[Matrix, Matrix]]
@@ -99,8 +101,12 @@ def _either(condition: Any, one: Any, other: Any) -> Any:
     return condition * one + (1 - condition) * other
 
 
-def _start(p: Any, position: Sequence[int], velocity: Sequence[int]) -> dict[int, Any]:
-    place = _either(p.known_start, p.prior_position_std, FAR_STD)
+def _start(
+    m: Any, p: Any, s: Any, position: Sequence[int], velocity: Sequence[int]
+) -> dict[int, Any]:
+    away = sum((a - b) ** 2 for a, b in zip(s.position, s.platform, strict=True))
+    far = m.fmax(m.sqrt(away) - FAR_STD, FAR_STD)
+    place = _either(p.known_start, p.prior_position_std, far)
     return dict.fromkeys(position, place) | dict.fromkeys(velocity, p.prior_velocity_std)
 
 
@@ -165,8 +171,8 @@ PLATFORM = Bound(
     ),
     states=waves.STATES,
     each=0,
-    prior_stds=lambda p: {
-        **waves.prior_stds(p), **_start(p, surroundings.POSITION, surroundings.VELOCITY),
+    prior_stds=lambda m, p, s: {
+        **waves.prior_stds(p), **_start(m, p, s, surroundings.POSITION, surroundings.VELOCITY),
         **dict.fromkeys(surroundings.PLATFORM, FAR_STD), surroundings.HEADING: ANYWHERE,
     },
     transition=waves.transition,
@@ -217,8 +223,8 @@ FIELD = Bound(
     ),
     states=field.states(0),
     each=field.states(1) - field.states(0),
-    prior_stds=lambda p: (
-        field.prior_stds(_one_beacon(p)) | _start(p, field.POSITION, field.VELOCITY)
+    prior_stds=lambda m, p, s: (
+        field.prior_stds(_one_beacon(p)) | _start(m, p, s, field.POSITION, field.VELOCITY)
     ),
     transition=lambda m, p, dt: field.transition(m, _one_beacon(p), dt),
     rows=(

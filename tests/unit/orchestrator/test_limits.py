@@ -10,6 +10,7 @@ from typing import Any
 import direct_bound
 import numpy as np
 import pytest
+import sblcosim
 from sblcosim import limits
 from sblcosim.data.record import Record
 from sblcosim.judge import possible
@@ -499,6 +500,24 @@ def test_every_error_is_in_the_model_or_named(source: str, ranging: str) -> None
     }
     expected = {"realistic-dive": all_of_platform, "harbour-lbl": {"mounting_error_m"}}
     assert named == expected.get(source, set())
+
+
+@pytest.mark.parametrize("distance", [20.0, 59.0, 100.0, 300.0, 1000.0])
+@pytest.mark.filterwarnings("ignore::sblcosim.errors.NoEffectWarning")
+def test_an_unknown_start_tells_nothing_however_far_the_diver_is(distance: float) -> None:
+    """As with a prior of 10 km. One of 30 m would make 16.1 m at 300 m 14.5 m."""
+    record = sblcosim.run("realistic-dive", "multilateration", {
+        "target.trajectory": "semicircle", "target.depth_start_m": 5.0, "time.duration_s": 60.0,
+        "target.radius_m": distance, "acoustics.ranging": "inverted",
+    }).record
+    scenario = load("realistic-dive")
+    wide = load(scenario, {
+        "receiver.initialisation": "prior", "receiver.prior_position_m": [0.0, 0.0, 5.0],
+        "receiver.prior_position_std_m": 1e4,
+    })
+    unknown_, known = (limits.reference(record, it, acceleration_psd=0.01).verdict().absolute_rms
+                       for it in (scenario, wide))
+    assert unknown_ == pytest.approx(known, rel=0.005)
 
 
 def test_what_is_left_out_is_beside_what_is_possible() -> None:
