@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import sblcosim
@@ -21,20 +21,20 @@ def platform(arm: float) -> dict[str, Any]:
 
 def dive(
     time: Mapping[str, float], platform: Mapping[str, Any], acoustics: Mapping[str, Any],
-    receiver: Mapping[str, Any], q: float = 0.002,
+    receiver: Mapping[str, Any], q: float = 0.002, start: Sequence[float] = START,
 ) -> sblcosim.Scenario:
     """The scenario with these tables; the motion is white acceleration of the density q."""
     return sblcosim.load({
         "time": time,
         "target": {
             "trajectory": "white_noise_acceleration", "acceleration_psd_m2_s3": q,
-            "initial_position_m": START, "initial_position_std_m": 1.0,
+            "initial_position_m": start, "initial_position_std_m": 1.0,
             "initial_velocity_std_m_s": 0.1, "depth_std_m": 0.05,
         },
         "platform": platform,
         "acoustics": acoustics,
         "receiver": {
-            "initialisation": "prior", "prior_position_m": START, "prior_position_std_m": 1.0,
+            "initialisation": "prior", "prior_position_m": start, "prior_position_std_m": 1.0,
             "prior_velocity_std_m_s": 0.1, **receiver,
         },
     })

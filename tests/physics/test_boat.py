@@ -9,20 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 import sblcosim
-from sblcosim import limits
 from sblcosim.errors import ConfigurationError
 from sblcosim.limits.unknown import squares
-from sblcosim.results.sums import responses
 from sblcosim.scenario.arrangement import has_own_errors
 from sblcosim.scenario.conditions import conditions as words_of
 from sblcosim.scenario.scenario import load
-from sblcosim.scenario.wiring import connect
-from sblcosim.simulation.resolve import resolve
 
 from .from_the_model import dive, platform
-from .test_coupled_seeds import TRUTH, judged, simulated
+from .near_the_bound import found_in
 
-RUNS, BOUNDED = 200, 20
+RUNS = 200
 WAY = {"boat_speed_m_s": 0.5, "boat_course_deg": 130.0}
 SEA = {"motion": "spectrum", "wave_height_m": 0.3, "watch_circle_m": 2.0}
 
@@ -92,20 +88,10 @@ def test_coupled_is_near_the_bound(course: float, more: dict[str, Any]) -> None:
         {"range_std_m": 0.05, "loss_probability": 0.15, **more},
         {"acceleration_psd_m2_s3": 0.002},
     )
-    plan = resolve(connect(scenario, "coupled"))
-    outcome = simulated(plan, RUNS, False, TRUTH)
-    rms, nees, lost = judged(plan, outcome)
-    table = responses(outcome.sums["coupled"], plan.stop_ns - plan.start_ns)
-    of_runs = np.asarray(table.absolute_total_rms_m) ** 2
-    error = float(of_runs.std() / np.sqrt(RUNS) / (2 * rms**2))
-    bound = float(np.sqrt(np.mean([
-        limits.reference(outcome.record(i), scenario).verdict().absolute_rms ** 2
-        for i in range(BOUNDED)
-    ])))
-    print(course, more, f"{rms:.3f} {bound:.3f} {rms / bound:.3f} {nees:.2f}")
-    assert lost == 0.0
-    assert rms / bound < 1.1 + 2 * error * rms / bound
-    assert 2.7 < nees < 3.4
+    found = found_in(scenario, RUNS)
+    assert found.lost == 0.0
+    assert found.is_near
+    assert 2.7 < found.nees < 3.4
 
 
 def test_the_data_sheet_says_so() -> None:

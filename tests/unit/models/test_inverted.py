@@ -11,7 +11,7 @@ from harness import CROSS, NS
 from numpy.typing import NDArray
 from sblcosim.models.geometry import rotation
 from sblcosim.models.loading import load
-from stepper import Stepper, no_noise
+from stepper import Stepper, no_noise, numpy_noise
 
 MODEL = load("acoustics")
 SLOT = NS // 2
@@ -97,19 +97,11 @@ def test_the_clock_enters_and_times_are_rounded() -> None:
     assert np.abs(rounded["range"] - exact["range"]).max() > 0.01
 
 
-def drawn(seed: int) -> Any:
-    rng = np.random.default_rng(seed)
-    return lambda draw, count: (
-        np.zeros(draw.size) if draw.kind == "normal"
-        else rng.integers(2**53, size=draw.size).astype(float)
-    )
-
-
 @pytest.mark.parametrize("burst", [0.0, 3.0])
 def test_each_beacon_loses_pings_of_its_own(burst: float) -> None:
     """Within four standard errors of 1 - p; bursts make the errors larger."""
     p, ticks = 0.3, 2000
-    stepper = pinged(drawn(1), loss_probability=p, loss_burst_length=burst)
+    stepper = pinged(numpy_noise(1), loss_probability=p, loss_burst_length=burst)
     heard = np.zeros((ticks, 4))
     before = np.zeros(4)
     for k in range(1, ticks + 1):

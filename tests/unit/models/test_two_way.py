@@ -10,7 +10,7 @@ import pytest
 from harness import CROSS, NS
 from numpy.typing import NDArray
 from sblcosim.models.loading import load
-from stepper import Stepper, no_noise
+from stepper import Stepper, no_noise, numpy_noise
 
 MODEL = load("acoustics")
 SLOT = NS // 2
@@ -116,19 +116,11 @@ def test_no_clock_enters_and_the_turn_around_does() -> None:
         assert y["range"][0] - y["true_range"][0] == pytest.approx(expected, abs=1e-9)
 
 
-def drawn(seed: int) -> Any:
-    rng = np.random.default_rng(seed)
-    return lambda draw, count: (
-        np.zeros(draw.size) if draw.kind == "normal"
-        else rng.integers(2**53, size=draw.size).astype(float)
-    )
-
-
 @pytest.mark.parametrize("burst", [0.0, 3.0])
 def test_both_legs_must_arrive(burst: float) -> None:
     """Within four standard errors of (1 - p)²; bursts make the errors larger."""
     p, ticks = 0.3, 2000
-    stepper = asked(drawn(1), loss_probability=p, loss_burst_length=burst, schedule=2)
+    stepper = asked(numpy_noise(1), loss_probability=p, loss_burst_length=burst, schedule=2)
     for k in range(1, ticks + 1):
         y = stepper.step(k * SLOT, SLOT)
     share = np.sum(y["reception_count"]) / (4 * ticks)
