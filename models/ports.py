@@ -31,8 +31,8 @@ DEPTH = (
 )
 RECEPTION = (
     output("range", "Newest range to each beacon", "m", shape=(BEACONS,), variability="discrete"),
-    output("range_epoch", "Time of the ping that gave each range; the start time before the first",
-           "s", shape=(BEACONS,), variability="discrete"),
+    output("range_epoch", "Time to which each range belongs; the start time before the first", "s",
+           shape=(BEACONS,), variability="discrete"),
     output("reception_count", "Number of packets received from each beacon", shape=(BEACONS,),
            type="Int32", start=0),
     output("ping_beacon_position", "Reported position of each beacon in the newest packet "

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import sblcosim
 
 from .from_the_model import dive, platform
 from .near_the_bound import found_in
@@ -33,3 +34,23 @@ def test_where_motion_errors_and_biases_are_drawn_it_is_near_the_bound(
     assert found.lost == 0.0
     assert found.is_near
     assert 2.8 < found.nees < 3.3
+
+
+@pytest.mark.parametrize(("name", "receiver", "beacons"), [
+    ("harbour-lbl", "long_baseline", 4), ("gps-buoys", "long_baseline", 4),
+    ("harbour-wakes", "coupled", 4), ("realistic-sea", "coupled", 4),
+    ("realistic-dive", "fixed_lag", 4), ("harbour-square", "sequential", 4),
+    ("realistic-dive", "coupled", 3), ("realistic-dive", "coupled", 8),
+])
+@pytest.mark.filterwarnings("ignore::sblcosim.errors.NoEffectWarning")
+def test_a_ping_tells_as_much_as_pings_of_all_beacons_at_once(
+    name: str, receiver: str, beacons: int
+) -> None:
+    """The geometry is the same, and only the sound goes the other way."""
+    both = []
+    for way in ({"acoustics.schedule": "simultaneous"}, {"acoustics.ranging": "inverted"}):
+        count = {"platform.beacons": beacons} if beacons != 4 else {}
+        table = sblcosim.run_many(name, receiver, {**way, **count}, runs=100).runs.table
+        assert not table[f"{receiver}.lost"].any()
+        both.append(np.sqrt((table[f"{receiver}.absolute_total_rms_m"] ** 2).mean()))
+    assert both[1] / both[0] == pytest.approx(1.0, abs=0.1)

@@ -97,15 +97,21 @@ def test_a_negative_size_is_refused(key: str) -> None:
 
 
 @pytest.mark.parametrize("master", ["python", "lanes"])
-def test_all_masters_give_the_same_bits(master: str) -> None:
-    """With losses, echoes, a resolution and a misaligned frame."""
+@pytest.mark.parametrize(("source", "more"), [
+    (DIVE, {"platform.misalignment_heading_std_deg": 1.0}), ("gps-buoys", {}), ("harbour-lbl", {}),
+    pytest.param(DIVE, {"platform.beacons": 6}, marks=pytest.mark.slow),
+])
+@pytest.mark.filterwarnings("ignore::sblcosim.errors.NoEffectWarning")
+@pytest.mark.filterwarnings("ignore::sblcosim.errors.ConfigurationWarning")
+def test_all_masters_give_the_same_bits(source: str, more: dict[str, Any], master: str) -> None:
+    """With losses, echoes, a shadow, a resolution and a misaligned frame."""
     keys = {
         f"{A}ranging": "inverted", f"{A}range_resolution_m": 0.01, f"{A}loss_probability": 0.4,
         f"{A}surface_echo_probability": 0.5, f"{A}shadow_loss_probability": 0.5,
-        "platform.misalignment_heading_std_deg": 1.0, "time.duration_s": 20.0,
+        "time.duration_s": 20.0, **more,
     }
     one, other = (
-        sblcosim.run(DIVE, ["coupled", "sequential"], keys, master=name)
+        sblcosim.run(source, ["coupled", "sequential"], keys, master=name)
         for name in ("native", master)
     )
     for label in ("coupled", "sequential"):
