@@ -110,6 +110,9 @@ def test_each_beacon_loses_pings_of_its_own(burst: float) -> None:
         before = np.array(y["reception_count"])
     error = sqrt(p * (1 - p) / ticks) * (1.0 if not burst else 2.0)
     assert np.abs(heard.mean(0) - (1 - p)).max() < 4 * error
+    for lost in (1 - heard).T:
+        runs = (np.diff(lost, prepend=0) > 0).sum()
+        assert lost.sum() / runs == pytest.approx(burst or 1 / (1 - p), rel=0.2)
     together = np.corrcoef(heard.T)[np.triu_indices(4, 1)]
     assert np.abs(together).max() < 0.15
 

@@ -205,6 +205,7 @@ def test_the_first_screen_of_a_plan_is_its_components_and_what_feeds_them(
     assert len(lines) < 24
     rows = {line.split()[0]: line for line in lines[3:-2]}
     assert {"target", "platform", "acoustics", "coupled", "sequential"} <= rows.keys()
+    assert re.split(" {2,}", lines[2]) == ["component", "from", "FMI", "interval", "inputs from"]
     assert rows["acoustics"].endswith("target, platform")
     counts = [int(number) for number in re.findall(r"(\d+) (?:param|input|record)", lines[-1])]
     _, *tables = full.split("\n\n")

@@ -12,6 +12,7 @@ from sblcosim.comparison.budget import sources
 from sblcosim.errors import NoEffectWarning
 from sblcosim.limits import places
 from sblcosim.limits.parameters import conditions, parameters
+from sblcosim.scenario.arrangement import errors_of, has_own_errors
 from sblcosim.scenario.scenario import Scenario, load
 
 A = "acoustics."
@@ -73,6 +74,14 @@ def test_a_misaligned_frame_is_an_error_of_heading_and_tilt() -> None:
     assert {k for k in told if told[k] != exact[k]} == {
         "imu_heading_error_std_deg", "imu_tilt_std_deg",
     }
+
+
+def test_surveyed_beacons_in_a_frame_share_its_errors() -> None:
+    assert has_own_errors(load("harbour-lbl").platform)
+    for it in ("tilt", "heading"):
+        framed = load("harbour-lbl", {f"platform.misalignment_{it}_std_deg": 1.0})
+        assert not has_own_errors(framed.platform)
+        assert errors_of(framed.platform) == "platform"
 
 
 def test_the_budget_has_both() -> None:
