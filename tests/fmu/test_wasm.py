@@ -27,7 +27,7 @@ SCRIPT = Path(__file__).with_name("wasm.cjs")
 QUICK = ("range_model", "ekf")
 STEPS = 60
 LARGEST = {
-    "target": 40_000, "platform": 75_000, "acoustics": 50_000, "range_model": 1_000,
+    "target": 40_000, "platform": 75_000, "acoustics": 60_000, "range_model": 1_000,
     "ekf": 11_000, "sequential": 11_000, "multilateration": 12_000, "long_baseline": 150_000,
     "coupled": 160_000, "fixed_lag": 240_000,
 }
