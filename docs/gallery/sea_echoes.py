@@ -53,6 +53,5 @@ def plot_echoes(**changes):
 plot_echoes()
 
 # %%
-# To see another place, change the depth of the water and who shades whom. Without the shadow, the
-# share is the same everywhere:
+# To see another place, change the depth of the water and the width of the shadow:
 plot_echoes(water_depth_m=10.0, shadow_half_width_deg=80.0)

@@ -13,11 +13,12 @@ from sblcosim.style import new_figure, use
 
 def plot_drift(circle_m, time_s):
     """The track of the platform, and its distance from the middle of its watch circle."""
-    keys = {
-        "platform.motion": "spectrum", "platform.wave_height_m": 0.0, "time.duration_s": 1800.0,
-        "platform.watch_circle_m": circle_m, "platform.mooring_time_s": time_s,
+    moored = {
+        "motion": "spectrum", "wave_height_m": 0.0, "watch_circle_m": circle_m,
+        "mooring_time_s": time_s,
     }
-    record = sblcosim.run("realistic-dive", "multilateration", keys).record
+    scenario = {"time": {"duration_s": 1800.0}, "platform": moored}
+    record = sblcosim.run(scenario, "multilateration").record
     north, east, _ = record.values["platform.position"].T
     with use("light") as look:
         track, distance = new_figure(8.0, 3.6).subplots(1, 2, width_ratios=(2, 3))

@@ -14,10 +14,9 @@ import numpy as np
 import sblcosim
 from sblcosim.style import new_figure, use
 
-sea = {"platform.beaufort": 3, "time.duration_s": 60.0, "time.sampling_time_s": 0.1}
+sines = {"beaufort": 3}
 spectrum = {
-    "platform.motion": "spectrum", "platform.wave_direction_deg": 60.0,
-    "platform.wave_spreading_deg": 25.0,
+    "beaufort": 3, "motion": "spectrum", "wave_direction_deg": 60.0, "wave_spreading_deg": 25.0,
 }
 
 
@@ -28,7 +27,8 @@ def plot_motion(**platforms):
         for (name, keys), colour, style in zip(
             platforms.items(), look.receivers[:2], ("-", "--"), strict=True
         ):
-            record = sblcosim.run("realistic-dive", "multilateration", sea | keys).record
+            scenario = {"time": {"duration_s": 60.0}, "platform": keys}
+            record = sblcosim.run(scenario, "multilateration").record
             time, shown = record.time_ns / 1e9, record.time_ns <= record.time_ns[0] + 40e9
             tilt = np.rad2deg(record.values["platform.attitude"][:, 0])
             north, east, _ = record.values["platform.position"].T
@@ -42,10 +42,9 @@ def plot_motion(**platforms):
     return roll
 
 
-still = {f"platform.{axis}_amplitude_m": 0.0 for axis in ("surge", "sway")}
-plot_motion(sines=still, spectrum=spectrum)
+plot_motion(sines=sines, spectrum=spectrum)
 
 # %%
 # A boat of 6 m averages short waves out. To see another one, change its size:
-boat = spectrum | {"platform.raft_size_m": 6.0, "platform.raft_draught_m": 0.5}
+boat = spectrum | {"raft_size_m": 6.0, "raft_draught_m": 0.5}
 plot_motion(raft=spectrum, boat=boat)

@@ -260,7 +260,9 @@ def every_document_is_a_page(site: Site) -> None:
 
 def every_page_of_the_gallery_has_its_figure(site: Site) -> None:
     for path in DOCS.glob("gallery/*.py"):
-        html = site.pages[site.folder / "docs" / "made" / "gallery" / f"{path.stem}.html"]
+        file = site.folder / "docs" / "made" / "gallery" / f"{path.stem}.html"
+        html = site.pages[file]
+        assert "Warning:" not in file.read_text("utf-8"), path.stem
         shown = [Path(part).name for part in html.parts if "sphx_glr" in part]
         drawn = [block for block in blocks(path) if drawing(block)]
         assert sorted(shown) == sorted(
