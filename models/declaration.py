@@ -342,7 +342,8 @@ class Component:
 
     def __post_init__(self) -> None:
         for word, kind in (("name", str), ("number", int), ("description", str)):
-            if type(value := getattr(self, word)) is not kind:
+            value = getattr(self, word)
+            if not isinstance(value, kind) or isinstance(value, bool):
                 raise DeclarationError(
                     f"{self.name}: {word} must be {kind.__name__}, got {value!r}"
                 )
