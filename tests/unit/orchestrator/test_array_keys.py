@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -15,6 +16,7 @@ from sblcosim.limits import closed_form, places, run
 from sblcosim.limits.parameters import conditions, model_of, parameters
 from sblcosim.models.receiver.bound import ARRAY
 from sblcosim.models.receiver.receivers.array import COMPONENT
+from sblcosim.scenario import effects
 from sblcosim.scenario.doubts import doubts
 from sblcosim.scenario.scenario import Scenario, load
 
@@ -234,6 +236,8 @@ def test_without_a_common_clock_clocks_have_no_effect_and_far_away_there_is_only
     mine = boat(acoustics__common_clock=False)
     idle = {key for _, key in mine.idle()}
     assert {"clock_drift_std_s_s", "clock_sync_age_s", "range_common_std_m"} <= idle
+    key = ("acoustics", "range_common_std_m")
+    assert effects.idle(mine, effects.components_of(mine), [key]) == {key: "common_clock is false"}
     keys = {f"{A}ranging": "inverted", f"{A}common_clock": False, "time.duration_s": 60.0,
             "target.trajectory": "circle", "time.sampling_time_s": 1.0, f"{A}range_std_m": 0.02}
     with warnings.catch_warnings():
@@ -252,6 +256,15 @@ def test_without_a_common_clock_clocks_have_no_effect_and_far_away_there_is_only
     assert "only the bearing is known" in str(far.verdict())
     assert "common clock" in str(far.verdict())
     assert far.verdict().to_json()["absolute_rms_m"] is None
+
+
+def test_there_is_no_log_of_differences(tmp_path: Path) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        result = sblcosim.run(BOAT, "array", {f"{A}common_clock": False, "time.duration_s": 5.0})
+    with pytest.raises(sblcosim.ConfigurationError, match="common_clock is false"):
+        result.save(tmp_path / "run", log=True, figures=False)
+    assert not (tmp_path / "run").exists()
 
 
 def test_symbols_of_both_uses_are_equal() -> None:

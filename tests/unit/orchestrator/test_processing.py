@@ -68,7 +68,7 @@ def test_a_simulated_dive_gives_its_own_estimates_to_the_bit(
     {"acoustics.ranging": "two_way", "acoustics.turnaround_s": 0.1},
     {"acoustics.ranging": "inverted", "acoustics.range_resolution_m": 0.01},
     {"acoustics.ranging": "inverted", "acoustics.range_common_std_m": 0.1,
-     "acoustics.arrivals_shared": True, "acoustics.common_clock": False},
+     "acoustics.arrivals_shared": True},
     pytest.param({"platform.beacons": 3}, marks=pytest.mark.slow),
     pytest.param({"platform.beacons": 8, "acoustics.schedule": "simultaneous"},
                  marks=pytest.mark.slow),
