@@ -66,7 +66,7 @@ def test_in_the_boat_s_dive_its_claims_hold_where_those_of_coupled_do_not() -> N
 
 @pytest.mark.parametrize("keys", [
     {"acoustics.outlier_probability": 0.1}, {"acoustics.loss_probability": 0.6},
-    {"platform.beacons": 3}, {"platform.beacons": 8}, {"platform.beaufort": 4},
+    {"platform.beacons": 3}, {"platform.beacons": 8}, {"platform.beaufort": 3},
     {"receiver.acceleration_psd_m2_s3": 0.01}, {"acoustics.range_resolution_m": 0.0015},
     {"platform.misalignment_tilt_std_deg": 5.0}, {"time.sampling_time_s": 3.0},
     {"acoustics.range_std_m": 1e-4, "acoustics.range_common_std_m": 0.005},

@@ -237,7 +237,8 @@ def test_without_a_common_clock_clocks_have_no_effect_and_far_away_there_is_only
     idle = {key for _, key in mine.idle()}
     assert {"clock_drift_std_s_s", "clock_sync_age_s", "range_common_std_m"} <= idle
     key = ("acoustics", "range_common_std_m")
-    assert effects.idle(mine, effects.components_of(mine), [key]) == {key: "common_clock is false"}
+    why = effects.idle(mine, effects.components_of(mine), [key])[key]
+    assert "common_clock is false" in why
     keys = {f"{A}ranging": "inverted", f"{A}common_clock": False, "time.duration_s": 60.0,
             "target.trajectory": "circle", "time.sampling_time_s": 1.0, f"{A}range_std_m": 0.02}
     with warnings.catch_warnings():
