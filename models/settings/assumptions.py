@@ -100,6 +100,15 @@ SOURCES: Mapping[str, Sequence[str]] = {
         "platform.imu_tilt_turn_on_std_deg", "platform.imu_tilt_markov_std_deg",
         "platform.misalignment_tilt_std_deg", *_ANGLES,
     ),
+    "imu_tilt_noise_std_deg": ("platform.imu_tilt_std_deg", *_ANGLES),
+    "imu_tilt_error_std_deg": (
+        "platform.imu_tilt_bias_deg", "platform.imu_tilt_turn_on_std_deg",
+        "platform.imu_tilt_markov_std_deg", "platform.misalignment_tilt_std_deg",
+        "platform.imu_tilt_std_deg", "platform.roll_amplitude_deg",
+        "platform.pitch_amplitude_deg", *_WAVES, *_ANGLES,
+    ),
+    "range_common_std_m": ("acoustics.range_common_std_m", "acoustics.ranging"),
+    "arrivals_shared": ("acoustics.arrivals_shared",),
     "outlier_probability": (
         "acoustics.outlier_probability", "acoustics.outlier_mean_m", "acoustics.loss_probability",
         "acoustics.surface_echo_probability", "acoustics.bottom_echo_probability",
@@ -197,11 +206,9 @@ def assumed(
         **_tilt(platform),
         "imu_heading_std_deg": _with(turn, platform.imu_heading_std_deg),
         **_heading_error(platform),
-        "imu_tilt_std_deg": _with(
-            tilt, platform.imu_tilt_std_deg, platform.imu_tilt_bias_deg,
-            platform.imu_tilt_turn_on_std_deg, platform.imu_tilt_markov_std_deg,
-            platform.misalignment_tilt_std_deg,
-        ),
+        **_tilt_error(platform, tilt),
+        "range_common_std_m": common_noise(acoustics),
+        "arrivals_shared": acoustics.arrivals_shared,
         "outlier_probability": greatest(
             late(outliers, acoustics), _LEAST_OUTLIER_PROBABILITY
         ),
@@ -219,7 +226,7 @@ def assumed(
 
 def levels(
     system: Mapping[str, Any], target: Any, platform: Any, acoustics: Any, *,
-    estimates_clock: bool, knows_arrangement: bool,
+    estimates_clock: bool, knows_arrangement: bool, knows_pings: bool,
 ) -> dict[str, Any]:
     """Noise levels and assumptions given to a receiver, limited to what the receiver accepts.
 
@@ -234,8 +241,13 @@ def levels(
     knows_arrangement
         Whether the receiver is given the arrangement. If so, misplaced beacons count as range
         noise.
+    knows_pings
+        Whether the receiver knows what the arrivals of a ping share. If not, that counts as range
+        noise.
     """
     noise = range_noise(acoustics)
+    if not knows_pings:
+        noise = with_common(noise, acoustics)
     if not estimates_clock:
         noise = hypot(noise, system.get("clock_std_m", 0.0))
     if knows_arrangement:
@@ -252,6 +264,16 @@ def range_noise(acoustics: Any) -> Any:
         return acoustics.range_std_m
     late = acoustics.assumed_sound_speed_m_s / 2 * acoustics.turnaround_std_s
     return hypot(acoustics.range_std_m, late)
+
+
+def common_noise(acoustics: Any) -> Any:
+    """Standard deviation of what all arrivals of a ping share [m]."""
+    return acoustics.range_common_std_m if acoustics.ranging in INVERTED else 0.0
+
+
+def with_common(noise: Any, acoustics: Any) -> Any:
+    """Standard deviation of a range's noise, with what it shares with others of its ping [m]."""
+    return _with(common_noise(acoustics), noise)
 
 
 def lasting_delay(acoustics: Any) -> Any:
@@ -317,6 +339,29 @@ def _heading_error(platform: Any) -> dict[str, Any]:
         "imu_heading_error_std_deg": hypot(slow, markov),
         # A constant part outlasts one that changes.
         **_known("imu_heading_error_time_s", markov > slow, platform.imu_correlation_time_s),
+    }
+
+
+def _tilt_error(platform: Any, rounded: Any) -> dict[str, Any]:
+    """All errors of the IMU's roll and pitch; the white one; and the lasting one of the beacons.
+
+    Of a lasting error of the IMU, the share arrives at the beacons that the receiver trusts it; see
+    `sblcosim.models.receiver.surroundings.tilt`.
+    """
+    noise = _with(rounded, platform.imu_tilt_std_deg)
+    lasting = hypot(platform.imu_tilt_bias_deg, platform.imu_tilt_turn_on_std_deg,
+                    platform.imu_tilt_markov_std_deg)
+    own, white = _tilt(platform)["tilt_std_deg"] ** 2, noise**2
+    moves = own > 0
+    trust = where(moves, own, 0.0) / where(moves, own + white, 1.0)
+    return {
+        "imu_tilt_std_deg": _with(
+            rounded, platform.imu_tilt_std_deg, platform.imu_tilt_bias_deg,
+            platform.imu_tilt_turn_on_std_deg, platform.imu_tilt_markov_std_deg,
+            platform.misalignment_tilt_std_deg,
+        ),
+        "imu_tilt_noise_std_deg": noise,
+        "imu_tilt_error_std_deg": hypot(trust * lasting, platform.misalignment_tilt_std_deg),
     }
 
 

@@ -191,21 +191,23 @@ class Scenario(Table):
         parameters
             The receiver's parameters. For a receiver that does not estimate its clock, the clock's
             error counts as range noise. For one that is given the arrangement, misplaced beacons
-            count as range noise. A receiver without parameters that follow from the system is given
-            only its noise levels.
+            count as range noise. So does what the arrivals of a ping share, for one that does not
+            know it. A receiver without parameters that follow from the system is given only its
+            noise levels.
         """
         receiver, tables = self.receiver, (self.target, self.platform, self.acoustics)
         source = receiver.pose_source if "pose_source" in receiver.model_fields_set else None
         clock, arrangement = "clock_std" in parameters, "beacon_offset" in parameters
+        pings = "range_common_std" in parameters
         everything = not PARAMETERS.isdisjoint(parameters)
 
         def make() -> dict[str, Any]:
             return levels(
                 assumed(*tables, source, everything=everything), *tables,
-                estimates_clock=clock, knows_arrangement=arrangement,
+                estimates_clock=clock, knows_arrangement=arrangement, knows_pings=pings,
             )
 
-        key = (clock, arrangement, everything, source, *map(id, tables))
+        key = (clock, arrangement, pings, everything, source, *map(id, tables))
         return alike("assumptions", key, make, *tables)
 
     def given(self) -> dict[str, Any]:
