@@ -25,9 +25,9 @@ PING = Ping(surroundings.STATES)
 _LEAST_VARIANCE = 1e-12
 """Of c as measured [m²]."""
 _LATER = 1e9
-"""More than any innovation [m]."""
+"""Larger than any innovation [m]."""
 _FREE, _LATE = 1e4, 10.0
-"""Variance of what is free, in those of a range, and the standard deviation added to it [m]."""
+"""Variance of a free c, in variances of a range, and the standard deviation added to it [m]."""
 
 
 def _told(p: Symbols) -> Symbols:
@@ -140,7 +140,7 @@ def _pinged(
 def _freed(P: Any, row: Measurement, there: Any) -> tuple[Any, Any]:
     """P with a free c; and the variance with which c is 0, so that both are its prior.
 
-    Free is what is a hundred times as uncertain as a range, and 10 m more. Doubles hold that.
+    A free c is a hundred times as uncertain as a range, plus 10 m, which doubles can hold.
     """
     P = ca.SX(P)
     prior = P[PING.common, PING.common]
@@ -160,7 +160,7 @@ def _further(
 
 
 def _chosen(rows: list[Measurement], flags: list[Any]) -> Measurement:
-    """The row whose flag is 1, or the last one, of which a weight of 0 makes nothing."""
+    """The row whose flag is 1; without one, the last row, to which the caller gives weight 0."""
     def of(values: list[Any]) -> Any:
         found = values[-1]
         for flag, value in zip(flags[:-1], values[:-1], strict=True):
