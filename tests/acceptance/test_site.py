@@ -349,7 +349,7 @@ def every_command_and_option_is_in_the_reference(site: Site) -> None:
 def every_document_of_json_is_in_the_reference(site: Site) -> None:
     page = site.folder / "docs" / "reference" / "json.html"
     text = page.read_text("utf-8").replace("<wbr>", "")
-    assert "with --dry-run" in text  # and no dash
+    assert ">--dry-run</span>" in text  # and no dash
     for command in DOCUMENTS:
         assert command in site.pages[page].ids
         said = schema(command)
