@@ -26,7 +26,7 @@ def check_parts(declaration: Any) -> None:
     DeclarationError
         It names the field.
     """
-    kind = type(declaration)
+    kind: Any = type(declaration)
     for part in _parts(kind):
         value = getattr(declaration, part.name)
         if value is not part.default and not part.fits(value):
