@@ -33,7 +33,7 @@ version = release = version_of("sblcosim")
 
 extensions = [
     "myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_gallery.gen_gallery", "keys",
-    "literals", "typeset",
+    "literals", "tables", "typeset",
 ]
 root_doc = "docs/index"
 ROOMS = ("models", "fmus", "orchestrator", "tests", "tools")

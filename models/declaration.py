@@ -10,7 +10,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal, get_args
+from typing import Literal
+
+from .parts import DeclarationError as DeclarationError
+from .parts import check_parts
 
 Causality = Literal["parameter", "input", "output"]
 Type = Literal["Float64", "Int32", "Boolean"]
@@ -25,10 +28,6 @@ TerminalKind = Literal[
 ]
 
 INT32_MAX = 2**31 - 1
-
-
-class DeclarationError(ValueError):
-    """A declaration contradicts itself or another one. The message is for who has written it."""
 
 
 class Dimension(int):
@@ -122,6 +121,9 @@ class Condition:
     parameter: str
     values: tuple[int, ...] = ()
 
+    def __post_init__(self) -> None:
+        check_parts(self)
+
     def holds(self, value: Number | Sequence[Number]) -> bool:
         """Whether a value in SI units, or the elements of an array, meet the condition."""
         if self.values:
@@ -185,13 +187,7 @@ class Variable:
     declared: Bounds | None = field(default=None, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        for word, value, known in (
-            ("causality", self.causality, get_args(Causality)),
-            ("type", self.type, get_args(Type)),
-            ("variability", self.variability, (None, *get_args(Variability))),
-        ):
-            if value not in known:
-                raise DeclarationError(f"{self.name}: {word} {value!r} is not one of {list(known)}")
+        check_parts(self)
         if self.unit is not None and self.unit not in UNITS:
             raise DeclarationError(
                 f"{self.name}: unit {self.unit!r} is not one of {sorted(UNITS)}, or None for a "
@@ -199,7 +195,13 @@ class Variable:
             )
         if callable(self.start):
             object.__setattr__(self, "starting", self.start)
-            object.__setattr__(self, "start", self.start(self.shape))
+            try:
+                object.__setattr__(self, "start", self.start(self.shape))
+            except Exception as error:
+                raise DeclarationError(
+                    f"{self.name}: start must make start values for the shape {self.shape}, got "
+                    f"{type(error).__name__}: {error}"
+                ) from error
         if len(self.starts) != self.size:
             raise DeclarationError(
                 f"{self.name}: {len(self.starts)} start values for {self.size} elements"
@@ -210,6 +212,8 @@ class Variable:
                 self, "variability", "fixed" if self.causality == "parameter" else default
             )
         if self.choices is not None:
+            if not self.choices:
+                raise DeclarationError(f"{self.name}: choices must not be empty")
             object.__setattr__(self, "type", "Int32")
             object.__setattr__(self, "min", min(self.choices))
             object.__setattr__(self, "max", max(self.choices))
@@ -311,6 +315,9 @@ class Terminal:
     description: str
     members: Mapping[str, str]
 
+    def __post_init__(self) -> None:
+        check_parts(self)
+
 
 @dataclass(frozen=True, slots=True)
 class Component:
@@ -341,15 +348,7 @@ class Component:
     stop_time: float = 90.0
 
     def __post_init__(self) -> None:
-        for word, kind in (("name", str), ("number", int), ("description", str)):
-            value = getattr(self, word)
-            if not isinstance(value, kind) or isinstance(value, bool):
-                raise DeclarationError(
-                    f"{self.name}: {word} must be {kind.__name__}, got {value!r}"
-                )
-        for one in self.variables:
-            if not isinstance(one, Variable):
-                raise DeclarationError(f"{self.name}: variables must be Variable, got {one!r}")
+        check_parts(self)
         names = [v.name for v in self.variables]
         if len(set(names)) != len(names):
             raise DeclarationError(f"{self.name}: variable names are not unique")

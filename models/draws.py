@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from .declaration import Component, DeclarationError, Dimension
+from .declaration import Component, Dimension
+from .parts import DeclarationError, check_parts
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +38,7 @@ class Draw:
     each: Dimension | None = None
 
     def __post_init__(self) -> None:
+        check_parts(self)
         if self.scale and len(self.scale) != self.size:
             raise DeclarationError(
                 f"{self.name}: must have {self.size} scales, got {len(self.scale)}"

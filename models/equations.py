@@ -27,6 +27,7 @@ import casadi as ca
 
 from .declaration import Component
 from .draws import Draw as Draw
+from .parts import check_parts
 from .symbols import Symbols as Symbols
 from .symbols import Values as Values
 
@@ -51,6 +52,9 @@ class Row:
     name: str
     array: str
     index: Callable[[Symbols, Symbols], Any]
+
+    def __post_init__(self) -> None:
+        check_parts(self)
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +84,9 @@ class Loop:
     inner: Sequence[Loop] = ()
     rows: Sequence[Row] = ()
     each: Sequence[str] = ()
+
+    def __post_init__(self) -> None:
+        check_parts(self)
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,6 +124,9 @@ class Equations:
     iterate: Sequence[Loop] = ()
     draws: Sequence[Draw] = ()
     rows: Sequence[Row] = ()
+
+    def __post_init__(self) -> None:
+        check_parts(self)
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import fields
 from importlib import import_module
 from types import ModuleType
 from typing import TypeVar
 
-from .declaration import Component, DeclarationError, Variable
-from .draws import Draw
+from .parts import DeclarationError, check_parts
 
 _D = TypeVar("_D")
 
@@ -61,30 +59,10 @@ def declared(package: str, name: str, kind: type[_D]) -> Mapping[str, _D]:
             raise DeclarationError(
                 f"{file}.py: {name}: number must be a whole number from 1, got {number!r}"
             )
-        for field in fields(one):  # type: ignore[arg-type]
-            value, annotation = getattr(one, field.name), str(field.type)
-            if not _fits(value, annotation):
-                raise DeclarationError(
-                    f"{file}.py: {name}: {field.name} must be {annotation}, got {value!r}"
-                )
+        try:
+            check_parts(one)
+        except DeclarationError as error:
+            raise DeclarationError(f"{file}.py: {error}") from error
         found[file] = one
     return found
 
-
-_SIMPLE = {"tuple": tuple, "int": int, "str": str, "Literal": str, "bool": bool,
-           "Mapping": Mapping, "Component": Component, "Variable": Variable,
-           "Draw": Draw}  # fmt: skip
-
-
-def _fits(value: object, annotation: str) -> bool:
-    """Whether a value may be of an annotated type, with the elements of a tuple."""
-    if value is None:
-        return annotation == "None" or annotation.endswith("| None")
-    kinds = tuple(kind for word, kind in _SIMPLE.items() if annotation.startswith(word)
-                  or f"| {word}" in annotation)  # fmt: skip
-    if isinstance(value, kinds):
-        _, _, inner = annotation.partition("tuple[")
-        element = inner.rpartition(", ...")[0]
-        return not isinstance(value, tuple) or all(_fits(one, element) for one in value)
-    functions = "Callable" in annotation or "Course" in annotation
-    return callable(value) if functions else not kinds

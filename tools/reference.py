@@ -330,8 +330,9 @@ def likes() -> Iterator[str]:
 
 
 def _plain(text: str) -> str:
-    """A help text as Markdown that shows it as it is; in double backticks it is code."""
-    parts = text.replace("\b", "").split("``")
+    """A help text as Markdown that shows it as it is; options and double backticks are code."""
+    marked = re.sub(r"(?<![\w`-])(--[a-z][\w-]*)", r"``\1``", text.replace("\b", ""))
+    parts = marked.split("``")
     return "".join(
         f"`{part}`" if i % 2 else re.sub(r"([<*_`])", r"\\\1", part)
         for i, part in enumerate(parts)

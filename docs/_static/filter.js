@@ -1,21 +1,22 @@
-// A field above the tables of a page of reference shows only the rows that have its words.
+// A field above a long page of reference shows only the rows and definitions that have its words.
 addEventListener("DOMContentLoaded", () => {
-  const rows = [...document.querySelectorAll("article table.docutils tbody tr")];
-  const first = document.querySelector("article .table-wrapper");
-  if (!/\/reference\/(scenario|commands|tables|results)\.html$/.test(location.pathname) || !first) return;
+  const entry = ":is(table.docutils tbody tr, dl.py)";
+  const entries = [...document.querySelectorAll(`article ${entry}`)];
+  if (!location.pathname.includes("/reference/") || entries.length < 30) return;
   const field = Object.assign(document.createElement("input"), {
-    type: "search", className: "filter", placeholder: "Show rows with …",
-    ariaLabel: "Show only rows with these words",
+    type: "search", className: "filter", placeholder: "Show entries with …",
+    ariaLabel: "Show only entries with these words",
   });
-  const section = document.querySelector("article h1");
-  section.after(field);
-  const parts = [...document.querySelectorAll("article section section")].filter(e => e.querySelector("table"));
+  document.querySelector("article h1").after(field);
+  const parts = [...document.querySelectorAll("article section section")].filter(e => e.querySelector(entry));
   field.addEventListener("input", () => {
     const words = field.value.toLowerCase().split(/\s+/).filter(Boolean);
-    const has = row => words.every(word => row.textContent.toLowerCase().includes(word));
-    rows.forEach(row => { row.hidden = !has(row); });
+    const has = e => words.every(word => e?.textContent.toLowerCase().includes(word));
+    // What a definition holds is shown with it if its own name is what was looked for.
+    const within = e => e && (has(e.querySelector("dt .descname")) || within(e.parentElement.closest("dl.py")));
+    entries.forEach(e => { e.hidden = !has(e) && !within(e.matches("dl") ? e : null); });
     parts.forEach(part => {
-      part.hidden = words.length > 0 && !part.querySelector("tbody tr:not([hidden])");
+      part.hidden = words.length > 0 && !part.querySelector(`${entry}:not([hidden])`);
     });
   });
 });

@@ -31,9 +31,9 @@ class Ranging:
 
 
 RANGINGS: Mapping[str, Ranging] = in_order("ways to range", {
-    "one_way": Ranging(1, "beacons ping, and the diver has their clock", 1),
-    "two_way": Ranging(2, "the diver asks, and a beacon answers", 2),
-    "inverted": Ranging(3, "the diver pings, and all beacons listen", 1, from_diver=True),
+    "one_way": Ranging(1, "beacons ping and the diver has their clock", 1),
+    "two_way": Ranging(2, "the diver asks and a beacon answers", 2),
+    "inverted": Ranging(3, "the diver pings and all beacons listen", 1, from_diver=True),
 })
 RANGING: Mapping[int, str] = {it.number: name for name, it in RANGINGS.items()}
 INVERTED = tuple(name for name, it in RANGINGS.items() if it.from_diver)

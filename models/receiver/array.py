@@ -25,7 +25,7 @@ PING = Ping(surroundings.STATES)
 _LEAST_VARIANCE = 1e-12
 """Of c as measured [m²]."""
 _LATER = 1e9
-"""More than any innovation [m]."""
+"""Larger than any innovation [m]."""
 
 
 def _told(p: Symbols) -> Symbols:

@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
-from ..declaration import Component, DeclarationError
+from ..declaration import Component
+from ..parts import DeclarationError, check_parts
 
 if TYPE_CHECKING:
     from ..equations import Equations
@@ -42,6 +43,7 @@ class ReceiverDeclaration:
     place: int | None = None
 
     def __post_init__(self) -> None:
+        check_parts(self)
         if self.unfit and not self.purpose:
             raise DeclarationError(
                 f"{self.component.name}: must have a purpose, as there are beacons it is unfit for"

@@ -240,7 +240,7 @@ def _fit(position: Any, platform: Any, s: Samples, weight: Any, prior: Any, clos
 
 
 def _late_variance(p: Symbols) -> Any:
-    """Mean square of what late ranges are late by, over all ranges [m²]."""
+    """Mean square of the excess of late ranges, averaged over all ranges [m²]."""
     return 2 * p.outlier_probability * p.outlier_mean**2
 
 

@@ -20,6 +20,7 @@ from ..declaration import (
     switch,
     tick_interval,
 )
+from ..parts import check_arguments
 from ..ports import BEACONS, DEPTH, ESTIMATE, PING_POSE, RECEPTION, SYSTEM, ports, terminal
 
 INITIALISATION = {1: "first_receptions", 2: "prior"}
@@ -154,6 +155,7 @@ def receiver(
     terminals: Sequence[Terminal] = (),
 ) -> Component:
     """A receiver with the ports that all have, plus its own `inputs` and `outputs`."""
+    check_arguments(name, receiver, locals())
     return Component(
         name=name,
         number=number,

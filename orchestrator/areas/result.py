@@ -24,7 +24,7 @@ from ..results import data_sheet
 from ..shown import Picture
 from ..tracks.place import Origin
 from ..words.lists import counted
-from ..words.numbers import meters, number
+from ..words.numbers import meters, meters_at_most, number
 from ..words.shares import percent, rough_percent, whole_percent
 from . import contours
 from .grid import Grid
@@ -201,8 +201,7 @@ class AreaMap(OverPlaces):
         least = ceil(data_sheet.LEAST_RUNS / effective(self.grid.shape))
         if s["runs"] < least:
             return data_sheet.too_few(s["runs"], " in each cell", least)
-        with np.errstate(invalid="ignore"):
-            bound = float((cells["p95_m"] + data_sheet.CERTAIN * cells["std_error_m"]).max())
+        bound = self._bound
         if not np.isfinite(bound):
             return (
                 "no data-sheet sentence: in some cells about 5 % of the runs or more have no "
@@ -216,6 +215,13 @@ class AreaMap(OverPlaces):
         return said if lost <= MANY_LOST else (
             f"{said}; up to {rough_percent(lost)} of a cell's runs are lost"
         )
+
+    @property
+    def _bound(self) -> float:
+        """The length in the sentence for a data sheet, before it is rounded up [m]."""
+        with np.errstate(invalid="ignore"):
+            sums = self.cells["p95_m"] + data_sheet.CERTAIN * self.cells["std_error_m"]
+        return float(sums.max())
 
     def _place(self) -> str:
         """The area in words: its size around the beacons, or its bounds."""
@@ -252,6 +258,12 @@ class AreaMap(OverPlaces):
 
     def _remarks(self, verbose: bool) -> Iterator[str]:
         s, found = self.settings, self.summary()
+        if not self.data_sheet.startswith("no "):
+            yield (
+                f"the data-sheet sentence has {meters_at_most(self._bound)} where the largest 95 % "
+                f"error of a cell is {meters(found['p95_m'][2])}: it adds two standard errors in "
+                "each cell, takes the largest sum and rounds it up"
+            )
         if verbose or found["lost_share"]:
             yield (
                 f"lost runs: {rough_percent(found['lost_share'])} of {found['runs']:,}; more than "
@@ -282,8 +294,6 @@ class AreaMap(OverPlaces):
         yield from self.warned()
 
     def _method(self) -> Iterator[str]:
-        if not self.data_sheet.startswith("no "):
-            yield data_sheet.NOTE
         yield (
             "95 %: of the errors of all runs of a cell and its neighbours; each run is represented "
             "by ten order statistics of its errors, the 5th, 15th … 95th percentile"

@@ -26,7 +26,7 @@ from .steady import Conditions
 Floats = NDArray[np.float64]
 
 _RECEIVERS = {"platform": COUPLED, "field": LONG_BASELINE, "array": ARRAY}
-"""The receiver whose model a bound has."""
+"""The receiver whose model the bound uses."""
 
 
 def parameters(

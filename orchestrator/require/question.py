@@ -29,6 +29,7 @@ from ..study.design import Level
 from ..study.design import shown as level_shown
 from ..study.study import Study, of_tables, read
 from ..study.tables import RECEIVERS_KEY
+from ..words.numbers import with_unit
 from ..words.shares import percent
 from .sequential import MOST_RUNS, Rule
 
@@ -243,7 +244,7 @@ class Question(Shown):
         factor = study.factors.get(name) or study.conditions[name]
         number = not isinstance(level, str) or level in factor.numbers
         unit = study.units[name] if number else ""
-        return f"{level_shown(level)} {unit}".rstrip()
+        return with_unit(level_shown(level), unit)
 
     def price(self, cost: float) -> str:
         """A cost for people."""

@@ -267,6 +267,10 @@ def _path(text: str, scenario: Scenario) -> Values:
         return {**without, "target.trajectory": FILE, "target.track_file": text}
     if typed.are_numbers(text):
         points = typed.rows(text, "m")
+        if any(len(it) != 3 for it in points if isinstance(it, list)):
+            raise ConfigurationError(
+                f"must be {_POINTS}, e.g. {ASKED['path'].example}, got {quoted(text)}"
+            )
         return {**without, "target.trajectory": _WAYPOINTS, "target.waypoint_m": points}
     others = f"{_POINTS}, or {_TRACK}"
     return {"target.trajectory": typed.name(text, _SHAPES, others=others)}

@@ -8,14 +8,16 @@ Levels of better equipment:
 
 GPS, tilt
     The grades ``rtk_fixed`` of `sblcosim.models.platform.gps` and ``tactical`` of
-    `sblcosim.models.platform.imu`, with their sources.
+    `sblcosim.models.platform.imu`, with their sources. Tilt that is as good gets the next better
+    grade.
 heading
     0.5°, for a compass with two GNSS antennas: 0.1° to 1.0°, depending on their distance (u-blox,
-    *GNSS Heading*, u-blox.com/en/technologies/gnss-heading).
+    *GNSS Heading*, u-blox.com/en/technologies/gnss-heading). It measures the heading anew at any
+    time, and in degrees: without drift, temperature coefficient or scale factor.
 clock
     0.05 m of sound travel, 33 µs: set by the pulse of a GPS receiver just before the dive. The
     figure is an assumption. The drift from then on is that of the grade ``ocxo`` of
-    `sblcosim.models.acoustics.clock`, with its source.
+    `sblcosim.models.acoustics.clock`, with its source, or of the next better one.
 sound speed
     0.2 %, 3 m/s: a thermometer accurate to 1 K at 20 °C (2.7 m/s per kelvin: K. V. Mackenzie, J.
     Acoust. Soc. Am. 70, 1981, 807-812).
@@ -29,8 +31,9 @@ depth sensor
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import hypot
+from types import MappingProxyType
 
 from sblcosim.models import COMPONENTS
 from sblcosim.models.acoustics.range_errors import FOUND
@@ -53,19 +56,20 @@ class Part:
     keys
         Keys with their tables.
     better
-        Root sum of squares of the values of better equipment; None: no change.
+        Root sum of squares of the values of better equipment, by its name; the first that is less
+        than the scenario's is taken. Empty: no change.
     off
         The same for equipment without this error.
     about
         Key of the value that counts as no error; empty: 0.
     relative
-        Whether `better` is a share of that value.
+        Whether the levels of `better` are shares of that value.
     unmodelled
         Those of its keys that the bound does not include.
     """
 
     keys: Sequence[str]
-    better: float | None = None
+    better: Mapping[str, float] = field(default_factory=dict)
     off: float = 0.0
     about: str = ""
     relative: bool = False
@@ -84,46 +88,48 @@ class Source:
     ----------
     name, words
         Its name in tables, and in sentences.
-    better
-        Better equipment, in a few words; empty: none can be bought.
     """
 
     name: str
     words: str
     parts: Sequence[Part]
-    better: str = ""
 
 
 def _keys(table: str, start: str, ends: Iterable[str]) -> tuple[str, ...]:
     return tuple(f"{table}.{start}{end}" for end in ends)
 
 
-def _grade(name: str, value: str, keys: Iterable[str]) -> float:
-    """Root sum of squares of the keys that a grade sets."""
-    values = preset(name, value)
-    return hypot(*(values.get(key.partition(".")[2], 0.0) for key in keys))
+def _grades(name: str, keys: Iterable[str], words: Mapping[str, str]) -> Mapping[str, float]:
+    """Root sums of squares of the keys that grades set, by what the grades are called."""
+    levels = {}
+    for value, called in words.items():
+        values = preset(name, value)
+        levels[called] = hypot(*(values.get(key.partition(".")[2], 0.0) for key in keys))
+    return levels
 
 
 def _gps() -> Iterator[Part]:
     for axis in ("horizontal", "vertical"):
         keys = _keys("platform", f"gps_{axis}_", ("std_m", "bias_std_m", "markov_std_m"))
-        yield Part(keys, _grade("gps_grade", "rtk_fixed", keys))
+        yield Part(keys, _grades("gps_grade", keys, {"rtk_fixed": "RTK"}))
     yield Part(("platform.gps_antenna_offset_m",))
 
 
-def _imu(axis: str, better: float) -> Iterator[Part]:
+def _imu(
+    axis: str, better: Mapping[str, float], lasting: Mapping[str, float]
+) -> Iterator[Part]:
     start = f"imu_{axis}_"
     steady = ("std_deg", "bias_deg", "turn_on_std_deg", "markov_std_deg", "step_deg")
     # The heading's step is part of its lasting error, which the bound includes; tilt's is not.
     unmodelled = _keys("platform", start, ("step_deg",) if axis == "tilt" else ())
     yield Part(_keys("platform", start, steady), better, unmodelled=unmodelled)
     for end in ("drift_deg_s", "temperature_coefficient_deg_K", "scale_factor_error"):
-        yield _left_out(*_keys("platform", start, (end,)))
+        yield _left_out(*_keys("platform", start, (end,)), better=lasting)
 
 
-def _left_out(*keys: str) -> Part:
+def _left_out(*keys: str, better: Mapping[str, float] = MappingProxyType({})) -> Part:
     """A part that the bound does not include."""
-    return Part(keys, unmodelled=keys)
+    return Part(keys, better, unmodelled=keys)
 
 
 def _of_ranges() -> Iterator[Source]:
@@ -140,16 +146,17 @@ _AMPLITUDES = ("roll_amplitude_deg", "pitch_amplitude_deg", "yaw_amplitude_deg",
                "surge_amplitude_m", "sway_amplitude_m", "heave_amplitude_m")
 _DRIFT = ("acoustics.clock_drift_s_s", "acoustics.clock_drift_std_s_s")
 _OF_SPECTRUM = ("wave_height_m", "watch_circle_m")
+_TILTS = ("tactical", "intermediate", "aviation", "marine")
 
 SOURCES: Mapping[str, Source] = {
     source.name: source
     for source in (
-        Source("GPS", "the GPS", tuple(_gps()), "RTK"),
-        Source("heading", "the heading", tuple(_imu("heading", 0.5)), "0.5°"),
+        Source("GPS", "the GPS", tuple(_gps())),
+        Source("heading", "the heading", tuple(_imu("heading", {"0.5°": 0.5}, {"0.5°": 0.0}))),
         Source(
             "tilt", "the tilt",
-            tuple(_imu("tilt", _grade("imu_grade", "tactical", ("platform.imu_tilt_bias_deg",)))),
-            "tactical",
+            tuple(_imu("tilt", _grades("imu_grade", ("platform.imu_tilt_bias_deg",),
+                                       {it: it for it in _TILTS}), {})),
         ),
         Source(
             "IMU alignment", "the alignment of the IMU",
@@ -166,11 +173,11 @@ SOURCES: Mapping[str, Source] = {
         Source(
             "clock", "the clock",
             (
-                Part(_keys("acoustics", "clock_", ("offset_s", "offset_std_s")), 0.05 / 1500),
-                Part(_DRIFT, _grade("clock_grade", "ocxo", _DRIFT)),
-                Part(_keys("acoustics", "clock_", ("sync_age_s",)), 0.0),
+                Part(_DRIFT, _grades("clock_grade", _DRIFT, {"ocxo": "OCXO", "csac": "CSAC"})),
+                Part(_keys("acoustics", "clock_", ("offset_s", "offset_std_s")),
+                     {"set to 0.05 m": 0.05 / 1500}),
+                Part(_keys("acoustics", "clock_", ("sync_age_s",)), {"set to 0.05 m": 0.0}),
             ),
-            "OCXO set to 0.05 m",
         ),
         Source(
             "turn-around", "the turn-around of beacons that answer",
@@ -186,14 +193,13 @@ SOURCES: Mapping[str, Source] = {
         Source(
             "sound speed", "the sound speed",
             (Part(
-                ("acoustics.sound_speed_m_s",), 0.002, about="acoustics.assumed_sound_speed_m_s",
-                relative=True,
+                ("acoustics.sound_speed_m_s",), {"0.2 %": 0.002},
+                about="acoustics.assumed_sound_speed_m_s", relative=True,
             ),),
-            "0.2 %",
         ),
         Source(
             "range noise", FOUND["noise"].words,
-            (Part(("acoustics.range_std_m",), 0.02, FLOOR),), "0.02 m",
+            (Part(("acoustics.range_std_m",), {"0.02 m": 0.02}, FLOOR),),
         ),
         Source(
             "timing", "the resolution of arrival times",
@@ -220,10 +226,9 @@ SOURCES: Mapping[str, Source] = {
         Source(
             "depth sensor", "the depth sensor",
             (
-                Part(("target.depth_std_m",), 0.02, FLOOR),
-                Part(("target.depth_bias_m", "target.depth_bias_std_m"), 0.02),
+                Part(("target.depth_std_m",), {"0.02 m": 0.02}, FLOOR),
+                Part(("target.depth_bias_m", "target.depth_bias_std_m"), {"0.02 m": 0.02}),
             ),
-            "0.02 m",
         ),
         Source(
             "platform motion", "the platform's motion",

@@ -13,7 +13,7 @@ contract (`sblcosim.models.ports`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -211,20 +211,10 @@ class Receiver:
     @property
     def variables(self) -> tuple[Variable, ...]:
         """Parameters, inputs and outputs."""
+        self._check_attributes()
         given = {"valid", *REQUIRED_ESTIMATE, *self.outputs}
         if "covariance" in given:
             given.add("position_std")
-        if isinstance(self.outputs, str):
-            raise ConfigurationError(
-                f"{type(self).__name__}: outputs must be a tuple, as ({self.outputs!r},), got "
-                f"{quoted(self.outputs)}"
-            )
-        for name in self.outputs:
-            if name not in _OPTIONAL:
-                raise ConfigurationError(
-                    f"{type(self).__name__}: outputs must be some of {', '.join(_OPTIONAL)}, got "
-                    f"{quoted(name)}{nearest(str(name), _OPTIONAL)}"
-                )
         return (
             *_GIVEN.values(),
             *self._own(),
@@ -257,6 +247,36 @@ class Receiver:
             plug.outputs = {**self._filled(estimate), "valid": True, "update_count": count}
         return plug.outputs
 
+    def _check_attributes(self) -> None:
+        """Refuse attributes of the class of a wrong type.
+
+        Raises
+        ------
+        ConfigurationError
+            It names the attribute.
+        """
+        where, outputs = type(self).__name__, self.outputs
+        for method in ("start", "update", "fix"):
+            if not callable(getattr(self, method)):
+                raise ConfigurationError(
+                    f"{where}: {method} must be a method, got {instance(getattr(self, method))}"
+                )
+        if isinstance(outputs, str) or not isinstance(outputs, Collection):
+            example = (outputs,) if isinstance(outputs, str) else ("covariance",)
+            raise ConfigurationError(
+                f"{where}: outputs must be a tuple, as {example!r}, got {instance(outputs)}"
+            )
+        for name in outputs:
+            if not isinstance(name, str) or name not in _OPTIONAL:
+                raise ConfigurationError(
+                    f"{where}: outputs must be some of {', '.join(_OPTIONAL)}, got "
+                    f"{instance(name)}{nearest(str(name), _OPTIONAL)}"
+                )
+        if not isinstance(self.beacons, int):
+            raise ConfigurationError(
+                f"{where}: beacons must be a whole number, got {instance(self.beacons)}"
+            )
+
     def _own(self) -> Iterator[Variable]:
         """The class's own parameters as variables."""
         where = f"{type(self).__name__}: parameters"
@@ -269,7 +289,10 @@ class Receiver:
                 raise ConfigurationError(
                     f"{where} must have names of their own, got {quoted(name)}"
                 )
-            values = np.asarray(start)
+            try:
+                values = np.asarray(start)
+            except (TypeError, ValueError):  # a list whose rows differ in length
+                values = np.asarray(None)
             kind = {"b": "Boolean", "i": "Int32", "f": "Float64"}.get(values.dtype.kind)
             if kind is None or values.ndim > 2:
                 raise ConfigurationError(

@@ -61,12 +61,17 @@ def quantity(value: float | str, unit: str) -> str:
     """A given number with its unit; a name stays unchanged."""
     if isinstance(value, str):
         return value
-    return minus(f"{value:g}{unit}" if unit == "°" else f"{value:g} {unit}".rstrip())
+    return minus(with_unit(f"{value:g}", unit))
+
+
+def with_unit(text: str, unit: str) -> str:
+    """A text of a number with its unit; degrees of an angle follow without a space."""
+    return f"{text}{unit}" if unit == "°" else f"{text} {unit}".rstrip()
 
 
 def measured(value: float, unit: str, digits: int = 3) -> str:
     """A rounded number with its unit; a dash if it is missing."""
-    return "–" if isnan(value) else f"{rounded(value, digits)} {unit}".rstrip()
+    return "–" if isnan(value) else with_unit(rounded(value, digits), unit)
 
 
 def interval(

@@ -14,6 +14,7 @@ from html import unescape
 from html.parser import HTMLParser
 from importlib.metadata import packages_distributions, requires
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 from urllib.parse import unquote, urlsplit
 
@@ -348,7 +349,7 @@ def every_command_and_option_is_in_the_reference(site: Site) -> None:
 def every_document_of_json_is_in_the_reference(site: Site) -> None:
     page = site.folder / "docs" / "reference" / "json.html"
     text = page.read_text("utf-8").replace("<wbr>", "")
-    assert "with --dry-run" in text  # and no dash
+    assert ">--dry-run</span>" in text  # and no dash
     for command in DOCUMENTS:
         assert command in site.pages[page].ids
         said = schema(command)
@@ -452,9 +453,38 @@ def formulas_are_typeset_and_lead_to_their_symbols(site: Site) -> None:
 
 
 PROBE = r"""<!DOCTYPE html><title>probe</title><pre id="found"></pre><script>
-const pages = PAGES, found = {};
+const pages = PAGES, SOUGHT = WORDS, found = {};
 const wide = e => e.scrollWidth > e.clientWidth + 1;
-const printed = ".highlight-text, .sphx-glr-script-out, .cell_output";
+const lines = (d, e) => {
+  const range = d.createRange();
+  range.selectNodeContents(e);
+  return range.getBoundingClientRect().height / parseFloat(getComputedStyle(e).lineHeight);
+};
+function brokenOptions(d) {  // options of commands that stand in more than one line
+  const found = [], inner = "p, pre, li, dt, td, h1, h2, h3";
+  for (const e of d.querySelectorAll(`article :is(${inner})`)) {
+    if (e.querySelector(inner)) continue;
+    const walker = d.createTreeWalker(e, NodeFilter.SHOW_TEXT), places = [];
+    let text = "";
+    for (let node; node = walker.nextNode(); text += node.data)
+      for (let i = 0; i < node.length; i++) places.push([node, i]);
+    for (const option of text.matchAll(/(?<![\w-])--[a-zA-Z][\w-]*/g)) {
+      const range = d.createRange(), [last, i] = places[option.index + option[0].length - 1];
+      range.setStart(...places[option.index]);
+      range.setEnd(last, i + 1);
+      const boxes = [...range.getClientRects()].filter(it => it.width);
+      if (boxes.some(it => Math.abs(it.top - boxes[0].top) > 5)) found.push(option[0]);
+    }
+  }
+  return found;
+}
+function sought(d, words) {  // the names that the field of search leaves for these words
+  const field = d.querySelector("input.filter");
+  field.value = words;
+  field.dispatchEvent(new Event("input"));
+  return [...d.querySelectorAll("article tbody td:first-child, article dl.py .descname")].filter(
+    e => e.getBoundingClientRect().height).map(e => e.textContent.trim());
+}
 const tall = e => e.getBoundingClientRect().height;
 const rgba = text => {
   const it = text.match(/[\d.]+/g).map(Number), unit = text.startsWith("color(") ? 255 : 1;
@@ -489,9 +519,8 @@ async function look(page, width) {
   const scrolls = e => getComputedStyle(around(e)).overflowX == "auto";
   found[`${page} ${width}`] = {
     needed: root.scrollWidth, width: root.clientWidth, height: root.scrollHeight,
-    code: [...d.querySelectorAll("pre")].filter(
-      e => wide(e) && !e.closest(printed)).length,
-    columns: [...d.querySelectorAll(`:is(${printed}) pre`)].filter(
+    code: [...d.querySelectorAll(".commands pre")].filter(wide).length,
+    columns: [...d.querySelectorAll("article pre")].filter(e => !e.closest(".commands")).filter(
       e => ["whiteSpace", "overflowX", "maxHeight"].map(it => getComputedStyle(e)[it])
         != "pre,auto,none").length,
     broken: [...d.querySelectorAll("code .pre")].filter(
@@ -500,10 +529,20 @@ async function look(page, width) {
       e => wide(e) && getComputedStyle(e).overflowX == "auto"
         && getComputedStyle(e).scrollbarWidth != "auto").length,
     pale: pale(d),
-    rows: new Set([...d.querySelectorAll("table.keys tbody tr")].map(
+    rows: new Set([...d.querySelectorAll("table.rows tbody tr")].map(
       e => getComputedStyle(e).display)).values().toArray(),
+    unnamed: [...d.querySelectorAll(
+      "table.rows td:not(:first-child, .keys td:nth-child(2))")].filter(
+      e => getComputedStyle(e).display == "block"
+        && getComputedStyle(e, "::before").content == "none"
+    ).map(e => e.textContent.trim().slice(0, 30)),
     stuck: [...d.querySelectorAll("table")].filter(
       e => e.getBoundingClientRect().right > article.right + 1 && !scrolls(e)).length,
+    options: brokenOptions(d),
+    sought: (SOUGHT[page] ?? []).map(words => [words, sought(d, words)]),
+    squeezed: [...d.querySelectorAll("article td")].filter(
+      e => getComputedStyle(e).display == "table-cell" && e.clientWidth < 130 && lines(d, e) > 7
+    ).map(e => e.textContent.trim().slice(0, 30)),
     brackets: [...d.querySelectorAll("mtable + mo")].map(
       e => tall(e) / tall(e.previousElementSibling)),
     fields: d.querySelectorAll("input.filter").length, article: article.width,
@@ -517,13 +556,25 @@ addEventListener("load", async () => {
 </script>"""
 
 
+PUBLIC = [
+    f"{package.__name__}.{name}" for package in (sblcosim, study, analysis, limits)
+    for name in package.__all__ if not name.startswith("__")
+]  # fmt: skip
+SOUGHT = {
+    "docs/reference/python.html": [*PUBLIC, "xyzzy"],
+    "docs/reference/scenario.html": ["wave_height_m", "gps horizontal markov", "xyzzy"],
+}
+"""What is sought on the pages of the reference."""
+
+
 def every_page_fits_narrow_and_wide_windows(site: Site) -> None:
     if BROWSER is None:
         return
     pages = sorted(path.relative_to(site.folder).as_posix() for path in site.pages)
     pages = [page for page in pages if page.startswith(("docs/", "models/", "orchestrator/"))]
     assert len(pages) > 60
-    (site.folder / "probe.html").write_text(PROBE.replace("PAGES", json.dumps(pages)), "utf-8")
+    probe = PROBE.replace("PAGES", json.dumps(pages)).replace("WORDS", json.dumps(SOUGHT))
+    (site.folder / "probe.html").write_text(probe, "utf-8")
     for scheme in (1, 0):  # light and dark
         fits(pages, site, scheme)
 
@@ -536,6 +587,10 @@ def fits(pages: list[str], site: Site, scheme: int) -> None:
     seen = json.loads(unescape(re.findall(r'<pre id="found">(.*?)</pre>', printed, re.DOTALL)[0]))
     assert len(seen) == 2 * len(pages)
     for name, it in seen.items():
+        assert it["options"] == [], f"{name}: options that are broken"
+        assert it["squeezed"] == [], f"{name}: texts in narrow columns"
+        assert it["unnamed"] == [], f"{name}: cells without the name of their column"
+        assert it["rows"] in ([], ["block" if it["width"] < 400 else "table-row"]), name
         assert it["broken"] == [], f"{name}: code that is broken within a word"
         assert it["hidden"] == 0, f"{name}: no bar to move by what is wider than its place"
         assert it["pale"] == [], f"{name}: text that can hardly be read"
@@ -549,13 +604,25 @@ def fits(pages: list[str], site: Site, scheme: int) -> None:
         brackets = seen["models/receiver/coupled.html 1400"]["brackets"]
         assert len(brackets) > 3
         assert min(brackets) > 0.9
-    scenario = seen["docs/reference/scenario.html 1400"]
-    assert scenario["fields"] == 1
+    scenario, narrow = (seen[f"docs/reference/scenario.html {width}"] for width in (1400, 390))
     assert scenario["height"] < 21000
-    assert scenario["rows"] == ["table-row"]
-    narrow = seen["docs/reference/scenario.html 390"]
-    assert narrow["rows"] == ["block"]
     assert narrow["height"] < 35000
+    assert narrow["rows"] == seen["models/platform/README.html 390"]["rows"] == ["block"]
+    for page, words in SOUGHT.items():
+        for width in (390, 1400):
+            assert seen[f"{page} {width}"]["fields"] == 1
+            finds_what_is_sought(seen[f"{page} {width}"]["sought"], words)
+
+
+def finds_what_is_sought(found: list[tuple[str, list[str]]], words: list[str]) -> None:
+    """Some of the names, and of a public name its definition."""
+    assert [one for one, _ in found] == words
+    for one, names in found:
+        assert bool(names) == (one != "xyzzy"), one
+        assert len(names) < 200, one
+        module, _, name = one.rpartition(".")
+        if one in PUBLIC and not isinstance(getattr(sys.modules[module], name), ModuleType):
+            assert name in names, one
 
 
 def mathematical_fonts() -> set[str]:

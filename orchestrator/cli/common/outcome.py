@@ -51,7 +51,35 @@ _UsageError: Any = typer.BadParameter.__base__
 
 
 class Command(TyperCommand):
-    """A command whose help names its arguments as our texts do, whatever the version of Typer."""
+    """A command whose help names its arguments as our texts do, whatever the version of Typer.
+
+    It takes no option for the value of the option before. ``--out=--x`` is a value.
+    """
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        if not ctx.resilient_parsing:
+            self._check_values(args)
+        return super().parse_args(ctx, args)
+
+    def _check_values(self, args: list[str]) -> None:
+        """Refuse an option in the place of another option's value.
+
+        Raises
+        ------
+        ConfigurationError
+            It names the option whose value is missing.
+        """
+        takers = {name for it in self.params if not getattr(it, "is_flag", False)
+                  for name in _names(it)}  # fmt: skip
+        words = iter(args)
+        for word in words:
+            if word == "--":
+                return
+            value = next(words, "") if word in takers else ""
+            if value.startswith("--") or value == "-h":
+                raise ConfigurationError(
+                    f"{word}: must have a value, got none before {shortened(repr(value))}"
+                )
 
     def get_help(self, ctx: Any) -> str:
         usage, _, rest = super().get_help(ctx).partition("\n\n")

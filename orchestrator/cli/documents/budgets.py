@@ -37,6 +37,8 @@ class Budget(Document):
     """q of the bound."""
     fixed: list[str]
     """Sources whose error is the same in every run."""
+    equipment: dict[str, str]
+    """Better equipment in a few words, by source; empty if sources are switched off."""
     unchanged: list[str]
     """Sources for which no better equipment is known."""
     given: list[str]

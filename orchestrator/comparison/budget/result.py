@@ -73,6 +73,8 @@ class Budget(Answer):
         Runs over which the bound is averaged, ``bound`` or ``reference``, and its q [m²/s³].
     fixed
         Sources whose errors are the same in every run.
+    equipment
+        Better equipment in a few words, by source; empty if sources are switched off.
     unchanged
         Sources for which no better equipment is known.
     given
@@ -97,6 +99,7 @@ class Budget(Answer):
     bound_kind: str
     acceleration_psd: float | None
     fixed: tuple[str, ...] = ()
+    equipment: Mapping[str, str] = field(default_factory=dict)
     unchanged: tuple[str, ...] = ()
     given: tuple[str, ...] = ()
     settings: Mapping[str, Any] = field(default_factory=dict)
@@ -187,7 +190,7 @@ class Budget(Answer):
     def label(self, source: str) -> str:
         """A row's name, with the better equipment, or with how all sources are switched."""
         done = "better" if self.better else "off"
-        better = SOURCES[source].better if self.better and source in SOURCES else ""
+        better = self.equipment.get(source, "")
         return {ALL: "nothing", NONE: f"{NONE}, all {done}"}.get(
             source, f"{source} → {better}" if better else source
         )
@@ -320,7 +323,8 @@ class Budget(Answer):
                 "better": self.better, "untold": self.untold, "lost": self.lost,
                 "bound_runs": self.bound_runs, "bound_kind": self.bound_kind or None,
                 "acceleration_psd_m2_s3": self.acceleration_psd,
-                "fixed": self.fixed, "unchanged": self.unchanged, "given": self.given,
+                "fixed": self.fixed, "equipment": self.equipment,
+                "unchanged": self.unchanged, "given": self.given,
                 "rows": ROWS.rows(self.table),
             }
         )

@@ -165,6 +165,7 @@ def budget(
         bound_kind="" if possible is None else possible.kind,
         acceleration_psd=None if possible is None else possible.acceleration_psd,
         fixed=sources.fixed(base, names),
+        equipment=sources.equipment(base) if better else {},
         unchanged=tuple(n for n in sources.of_scenario(base) if n not in names),
         given=_given(base),
         settings=base.given(),

@@ -1,8 +1,9 @@
 """Sources of error, switched off or made better in a scenario.
 
 Switching a source off sets its keys to 0, or to `FLOOR` where a receiver divides by them. Better
-equipment scales the keys of a part until their root sum of squares is the part's level. It never
-makes them larger. The switch changes the world, and the receiver's assumptions follow from it.
+equipment scales the keys of a part until their root sum of squares is the first of the part's
+levels that is below it. It never makes them larger. The switch changes the world, and the
+receiver's assumptions follow from it.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from math import hypot
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 from ...errors import ConfigurationError, nearest, quoted
 from ...scenario.error_sources import OF_BITS, SOURCES, Part, Source
@@ -40,6 +41,16 @@ def switched(
     return changes
 
 
+def equipment(scenario: Scenario) -> dict[str, str]:
+    """Better equipment in a few words, by source; without the sources that nothing better has."""
+    found = {}
+    for name, source in SOURCES.items():
+        words = [it.word for part in source.parts if (it := _improved(scenario, part))]
+        if words:
+            found[name] = " ".join(dict.fromkeys(words))
+    return found
+
+
 def missing(scenario: Scenario, better: bool = False) -> dict[str, str]:
     """Why the other sources cannot be switched, by name.
 
@@ -53,8 +64,8 @@ def missing(scenario: Scenario, better: bool = False) -> dict[str, str]:
     for name in SOURCES.keys() - of_scenario(scenario, better):
         if name not in there:
             why[name] = f"which is no error in {scenario.name}"
-        elif SOURCES[name].better:
-            why[name] = f"which is as good as better equipment in {scenario.name}"
+        elif any(part.better for part in SOURCES[name].parts):
+            why[name] = f"which is as good as the best equipment known in {scenario.name}"
         else:
             why[name] = "for which nothing better is known: it can only be switched off"
     return why
@@ -113,19 +124,38 @@ def _changed(scenario: Scenario, source: Source, better: bool) -> dict[str, Any]
     """Overrides that switch a source; empty if there is nothing to switch."""
     changes: dict[str, Any] = {}
     for part in source.parts:
-        changes |= _reduced(scenario, part, part.better if better else part.off)
+        if not better:
+            changes |= _reduced(scenario, part, part.off)
+        elif improved := _improved(scenario, part):
+            changes |= improved.changes
     if any(key in OF_BITS for key in changes) and scenario.acoustics.packet_bits:
         changes["acoustics.packet_bits"] = None  # bits cannot hold values that are not rounded
     return changes
 
 
-def _reduced(scenario: Scenario, part: Part, level: float | None) -> dict[str, Any]:
+class _Improved(NamedTuple):
+    """Better equipment, and the keys that it changes."""
+
+    word: str
+    changes: dict[str, Any]
+
+
+def _improved(scenario: Scenario, part: Part) -> _Improved | None:
+    """The first equipment that is better; None if none is known."""
+    for word, level in part.better.items():
+        changes = _reduced(scenario, part, level)
+        if changes:
+            return _Improved(word, changes)
+    return None
+
+
+def _reduced(scenario: Scenario, part: Part, level: float) -> dict[str, Any]:
     """The keys of a part that have an effect, scaled to a level; empty if not above it."""
     about = float(_value(scenario, part.about) or 0.0) if part.about else 0.0
     idle = {".".join(key) for key in scenario.idle()}
     values = {key: _value(scenario, key) for key in part.keys if key not in idle}
     values = {key: value for key, value in values.items() if value is not None}
-    if level is None or (part.about and _value(scenario, part.about) is None):
+    if part.about and _value(scenario, part.about) is None:
         return {}
     size = hypot(*(v - about for value in values.values() for v in _flat(value)))
     level *= about if part.relative else 1.0

@@ -138,7 +138,7 @@ def add_line(ax: Axes, x: Any, y: Any, how: Mapping[str, Any]) -> None:
 
 
 _MOST_BANDS = 2
-"""More filled bands than these add up to one grey."""
+"""Largest number of filled bands; more add up to one grey."""
 
 
 def draw_claim(

@@ -15,6 +15,7 @@ from typing import Any
 
 import cloudpickle
 from sblcosim.fmus.files import KINDS
+from sblcosim.models.parts import DeclarationError
 
 from ...errors import (
     CodeChangedError,
@@ -261,7 +262,10 @@ def run_file(path: Path, content: bytes, where: str) -> Loaded:
     except ConfigurationError:
         raise
     except foreseen() as error:
-        raise ConfigurationError(f"{where} must be importable, got {raised(error)}") from error
+        known = isinstance(error, DeclarationError)
+        said = raised(error).removeprefix("DeclarationError: ")
+        must = ":" if known else " must be importable, got"
+        raise ConfigurationError(f"{where}{must} {said}") from error
 
 
 def _module(path: Path, source: bytes) -> ModuleType:

@@ -147,7 +147,8 @@ def test_every_element_has_a_type(written: Written, name: str, part: str, elemen
     ("receiver('Own', None, 'x', ())", "number must be int, got None"),
     ("receiver('Own', 'a', 'x', ())", "number must be int, got 'a'"),
     ("receiver('Own', 90, 3, ())", "description must be str, got 3"),
-    ("receiver('Own', 90, 'x', (3,))", "variables must be Variable, got 3"),
+    ("receiver('Own', 90, 'x', (3,))", "parameters must be tuple[Variable, ...], got (3,)"),
+    ("receiver('Own', 90, 'x', parameters=3)", "parameters must be tuple[Variable, ...], got 3"),
     ("receiver('Own', 90, 'x')", "'parameters'"),
 ])  # fmt: skip
 def test_a_wrong_component_is_named(written: Written, component: str, said: str) -> None:

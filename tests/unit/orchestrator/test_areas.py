@@ -633,7 +633,7 @@ def test_the_figure_has_three_maps_of_one_scale(
 
 
 def of_values(
-    found: result.AreaMap, p95: Any, possible: Any, std_error: float, limit: float | None = 4.0
+    found: result.AreaMap, p95: Any, possible: Any, std_error: Any, limit: float | None = 4.0
 ) -> result.AreaMap:
     """A map with other numbers in its cells."""
     cells = found.cells.assign(
@@ -683,6 +683,25 @@ def test_the_requirement_is_in_the_key_before_the_band_about_it(found: result.Ar
     legend = worse.plot().figure.legends[0]
     labels = [" ".join(text.get_text().split()) for text in legend.get_texts()]
     assert labels[1:] == ["95 % within 4.0 m", "4.0 m ± 2 standard errors"]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_where_the_data_sheet_has_more_than_the_cells_it_is_said_why(
+    found: result.AreaMap, seed: int
+) -> None:
+    """In every output: one line joins the length in the sentence and that of the cells."""
+    draw = np.random.default_rng(seed)
+    p95, std_error = draw.uniform(2, 90, 24), draw.uniform(0.01, 9, 24)
+    enough = replace(found, settings={**found.settings, "runs": 59})
+    area = of_values(enough, p95, 3.0, std_error)
+    said = re.findall(r"data-sheet sentence has ([\d.]+) m where .* cell is ([\d.]+) m:", str(area))
+    sheet = re.findall(r"estimates are within ([\d.]+) m", area.data_sheet)
+    cells = re.findall(r"errors within [\d.]+ m to ([\d.]+) m", area.answer)
+    assert said == [(*sheet, *cells)]
+    assert float(sheet[0]) >= (p95 + 2 * std_error).max() > float(sheet[0]) / 1.1
+    assert "adds two standard errors in each cell" in str(area)
+    few = replace(area, settings={**found.settings, "runs": 2})
+    assert "the data-sheet sentence has" not in few.text(verbose=True)
 
 
 def test_noise_does_not_look_like_a_structure(found: result.AreaMap) -> None:

@@ -30,6 +30,7 @@ from sblcosim.errors import ConfigurationError
 from sblcosim.limits.run import of_run
 from sblcosim.models import COMPONENTS
 from sblcosim.models.acoustics import clock
+from sblcosim.models.platform import gps, imu
 from sblcosim.scenario.error_sources import SOURCES
 from sblcosim.scenario.scenario import load, shipped
 from sblcosim.scenario.wiring import connect
@@ -144,9 +145,14 @@ def test_what_is_switched_is_gone(name: str, better: bool) -> None:
         base = load(DIVE, PRESET_DIVES[name][0].items()) if name in PRESET_DIVES else load(name)
         there = sources.of_scenario(base, better)
         after = load(base.given(), sources.switched(base, there, better).items())
+        best = after
+        for _ in range(3 if better else 0):  # where there is a better grade than the better one
+            still = sources.of_scenario(best, better)
+            assert {*still} <= {"clock", "tilt"}
+            best = load(best.given(), sources.switched(best, still, better).items())
     if name in PRESET_DIVES and not better:
         assert {*there} == {*SOURCES} - PRESET_DIVES[name][1]
-    assert sources.of_scenario(after, better) == ()
+    assert sources.of_scenario(best, better) == ()
     for source in there:
         for part in SOURCES[source].parts:
             for key in part.keys:
@@ -169,17 +175,78 @@ def test_better_equipment_keeps_the_character_of_an_error() -> None:
     assert "range noise" not in sources.of_scenario(good, better=True)
 
 
+GRADED = {
+    "platform.gps_grade": ("GPS", gps.GRADES, {"RTK": "rtk_fixed"}),
+    "platform.imu_grade": ("tilt", imu.GRADES, {it: it for it in imu.GRADES}),
+    "acoustics.clock_grade": ("clock", clock.GRADES, {"OCXO": "ocxo", "CSAC": "csac"}),
+}
+"""Grades of sensors: the source, all grades, and the grades that may be better."""
+
+
+@pytest.mark.parametrize(
+    ("key", "grade"), [(key, grade) for key, (_, grades, _) in GRADED.items() for grade in grades]
+)
+def test_every_grade_has_a_better_one_or_it_is_said_that_there_is_none(
+    key: str, grade: str
+) -> None:
+    """The better values are those of a grade; no grade is better than the best."""
+    source, grades, better = GRADED[key]
+    clean = {"acoustics.clock_offset_s": 0.0, "acoustics.clock_drift_s_s": 0.0,
+             "platform.imu_tilt_bias_deg": None, "platform.imu_heading_bias_deg": None}  # fmt: skip
+    sizes = {it: load(DIVE, {**clean, key: it}) for it in grades}
+    of = {it: np.hypot.reduce([
+        *map(float, (_value(base, k) for part in SOURCES[source].parts for k in part.keys
+                     if part.better and np.ndim(_value(base, k)) == 0 and "horizontal" not in k))
+    ]) for it, base in sizes.items()}  # fmt: skip
+    found = sources.equipment(sizes[grade])
+    if of[grade] == min(of.values()):
+        assert source not in found
+        assert source not in sources.of_scenario(sizes[grade], better=True)
+        return
+    after = load(sizes[grade].given(), sources.switched(sizes[grade], (source,), True).items())
+    assert found[source] in better
+    changed = sources.of_scenario(after, better=True)
+    taken = of[better[found[source]]]
+    assert min(of.values()) <= taken < of[grade]
+    assert (source in changed) == (taken > min(of.values()))
+
+
+def test_what_nothing_is_better_than_is_said_and_what_is_better_is_named() -> None:
+    best = {"platform.gps_grade": "rtk_fixed", "acoustics.clock_grade": "ocxo",
+            "acoustics.clock_offset_s": 0.0, "acoustics.clock_drift_s_s": 0.0}  # fmt: skip
+    found = sblcosim.budget(DIVE, "ekf", {"time.duration_s": 40.0, **best}, better=True, runs=30)
+    assert found.unchanged[0] == "GPS"
+    assert f"nothing better is known for: {', '.join(found.unchanged)}" in found.text()
+    assert "clock → CSAC" in found.text(verbose=True)
+    assert found.to_json()["equipment"]["clock"] == "CSAC"
+    assert _found().to_json()["equipment"] == {}
+
+
+@pytest.mark.parametrize("grade", imu.GRADES)
+@pytest.mark.parametrize("other", [
+    {}, {"platform.imu_heading_temperature_coefficient_deg_K": 0.1},
+    {"platform.imu_heading_scale_factor_error": 0.01},
+])  # fmt: skip
+def test_a_compass_with_antennas_does_not_drift(grade: str, other: dict[str, float]) -> None:
+    given = {"platform.imu_heading_bias_deg": 0.0, "platform.imu_grade": grade, **other}
+    base = load("harbour-square", {**given, "platform.imu_heading_std_deg": 0.0})
+    assert sources.equipment(base)["heading"] == "0.5°"
+    changes = sources.switched(base, ("heading",), better=True)
+    assert {*changes.values()} == {0.0}
+
+
 @pytest.mark.parametrize("age", [0.0, 600.0])
 @pytest.mark.parametrize("grade", clock.GRADES)
 def test_a_better_clock_drifts_as_a_better_grade(grade: str, age: float) -> None:
-    """Every grade that drifts more becomes an OCXO; none becomes worse."""
+    """Every grade that drifts more becomes an OCXO, an OCXO a CSAC; none becomes worse."""
     given = {"acoustics.clock_grade": grade, "acoustics.clock_sync_age_s": age,
              "acoustics.clock_offset_s": 0.0, "acoustics.clock_drift_s_s": 0.0}
     base = load("gps-buoys", given)
     changes = sources.switched(base, ("clock",), better=True)
     after = load(base.given(), changes).acoustics.clock_drift_std_s_s
-    assert after == pytest.approx(min(clock.GRADES[grade], clock.GRADES["ocxo"]), rel=1e-9)
-    assert ("acoustics.clock_drift_std_s_s" in changes) is (grade in ("crystal", "tcxo"))
+    better = "ocxo" if grade in ("crystal", "tcxo") else "csac"
+    assert after == pytest.approx(clock.GRADES[better], rel=1e-9)
+    assert ("acoustics.clock_drift_std_s_s" in changes) is (grade != "csac")
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -345,5 +345,5 @@ def test_the_nearest_choice_is_named() -> None:
 
 @pytest.mark.parametrize("word", ["causality", "type", "variability"])
 def test_a_declaration_knows_its_words(word: str) -> None:
-    with pytest.raises(ValueError, match=f"x: {word} 'outptu' is not one of"):
+    with pytest.raises(ValueError, match=f"x: {word} must be one of .*, got 'outptu'"):
         Variable(**{"name": "x", "description": "", "causality": "output", word: "outptu"})

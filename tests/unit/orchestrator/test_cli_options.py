@@ -19,6 +19,7 @@ from rich.progress import Progress
 from sblcosim.cli import app
 from sblcosim.cli.common.app import refuse_silence, waiting
 from sblcosim.cli.common.options import in_options
+from sblcosim.errors import ConfigurationError
 from sblcosim.fmus.build import factory
 from sblcosim.judge.definitions import LOST
 from sblcosim.report import study as reports
@@ -176,6 +177,33 @@ def test_what_is_wrong_with_an_option_is_said_by_its_name(
     assert result.exit_code == 2, result.output
     for line in result.stderr.splitlines():
         assert re.match(rf"error: {re.escape(option)}\b", line), line
+
+
+NAMES = sorted({name for _, command in commands() for param in command.params
+                for name in (*param.opts, *param.secondary_opts) if name.startswith("-")}
+               | {"--help", "-h", "--depht", "--depth=5", "--"})  # fmt: skip
+"""Options of all commands, and what is as little a value."""
+
+
+@pytest.mark.parametrize(
+    ("name", "option"),
+    [(name, param.opts[0]) for name, command in commands() for param in command.params
+     if param.param_type_name == "option" and not getattr(param, "is_flag", False)],
+)  # fmt: skip
+def test_no_option_is_the_value_of_another(name: str, option: str) -> None:
+    command = dict(commands())[name]
+    for other in NAMES:
+        with pytest.raises(ConfigurationError) as error:
+            command.make_context(name, [*BEFORE.get(name, ()), option, other, "5"])
+        assert str(error.value) == f"{option}: must have a value, got none before {other!r}"
+    result = CliRunner().invoke(app, [*name.split(), *BEFORE.get(name, ()), option, "--json"])
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert result.stderr == f"error: {option}: must have a value, got none before '--json'\n"
+
+
+def test_what_stands_after_an_equals_sign_or_two_dashes_is_a_value() -> None:
+    out = dict(commands())["run"].make_context("run", ["--out=--force", "--", "--json"])
+    assert (str(out.params["out"]), out.params["scenario"]) == ("--force", "--json")
 
 
 def test_a_receiver_that_is_given_twice_is_refused(

@@ -94,6 +94,8 @@ def test_the_example_of_a_question_is_an_answer(name: str) -> None:
      (["--like", "bouys"], "--like: must be platform, water-linked, buoys, lbl or paper, got "
                            "'bouys'; did you mean 'buoys'?"),
      (["--like", "lbl", "--from", "realistic-dive"], "--like: must come without --from, got both"),
+     (["--path", "0 0; 9 0"], "--path: must be points, each north, east and down in m, e.g. 0 0 5; "
+                              "20 0 8, got '0 0; 9 0'"),
      (["--path", "no.gpx"], "no.gpx: no such file")],
 )  # fmt: skip
 def test_a_wrong_option_is_one_line_and_writes_nothing(options: list[str], words: str) -> None:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import fields
 from functools import partial
+from inspect import signature
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -12,6 +15,8 @@ import sblcosim
 from sblcosim.cli import app
 from sblcosim.errors import ConfigurationError
 from sblcosim.models.ports import DEPTH, PING_POSE, RECEPTION, REQUIRED_ESTIMATE
+from sblcosim.models.receiver import variables
+from sblcosim.models.receiver.receiver import ReceiverDeclaration
 from sblcosim.scenario.sources import known_source
 from sblcosim.simulation.code import user_code
 from sblcosim.study import study
@@ -238,6 +243,51 @@ def test_what_is_no_receiver_is_refused_in_one_line(
     assert shown.exit_code == 2
     assert message in shown.stderr
     assert len(shown.stderr.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize("attribute", ["parameters", "outputs", "beacons", "start", "update"])
+@pytest.mark.parametrize("value", [
+    3, 1.5, "x", None, object(), [3], ("x",), {"x": "y"}, {3: 1.0}, {"x": None}, {"x": 1j},
+    {"x": [[1.0], [2.0, 3.0]]}, {"x": np.zeros((2, 2, 2))}, {"x": {}}, [[]],
+])  # fmt: skip
+def test_an_attribute_of_a_wrong_type_is_named(attribute: str, value: Any) -> None:
+    if (attribute, value) == ("beacons", 3):
+        return
+    with pytest.raises(ConfigurationError, match=rf"Odd: {attribute} must ") as raised:
+        sblcosim.run("harbour-square", type("Odd", (Noting,), {attribute: value}), SHORT)
+    assert "\n" not in str(raised.value)
+
+
+FOLDER = """
+from sblcosim.models.receiver.receiver import ReceiverDeclaration
+from sblcosim.models.receiver.variables import receiver
+
+RECEIVER = ReceiverDeclaration({})
+"""
+
+
+def given(arguments: dict[str, Any]) -> str:
+    return ", ".join(f"{name}={value}" for name, value in arguments.items())
+
+
+@pytest.mark.parametrize(("of", "part"), [
+    *(("declaration", it.name) for it in fields(ReceiverDeclaration)),
+    *(("receiver", name) for name in signature(variables.receiver).parameters),
+])  # fmt: skip
+def test_a_part_of_a_wrong_type_of_a_folder_is_named(tmp_path: Path, of: str, part: str) -> None:
+    inner = {"name": "'Odd'", "number": 90, "description": "'Odd'", "parameters": ()}
+    if of == "receiver":
+        inner[part] = 3j
+    outer: dict[str, Any] = {"component": f"receiver({given(inner)})"}
+    if of == "declaration":
+        outer[part] = 3j
+    text = FOLDER.format(given(outer))
+    (tmp_path / "receiver.py").write_text(text)
+    shown = cli("run", "harbour-square", "--receiver", f"{tmp_path}/")
+    assert shown.exit_code == 2
+    (line,) = shown.stderr.splitlines()
+    said = rf"'.*': \S+: {part} must be .*, got 3j \(receiver\.py, line \d+\)"
+    assert re.search(rf"{said}$", line), line
 
 
 @pytest.mark.parametrize(

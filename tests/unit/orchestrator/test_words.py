@@ -25,6 +25,7 @@ from sblcosim.words.numbers import (
     short_length,
     signed,
     unbroken,
+    with_unit,
 )
 from sblcosim.words.shares import (
     column_percent,
@@ -94,6 +95,8 @@ def test_intervals_and_bounds_end_in_dashes_where_there_are_none() -> None:
 def test_units_and_signs_of_given_numbers() -> None:
     assert [quantity(-3.0, "°"), quantity(-3.0, "m"), quantity(3, ""), quantity("ekf", "m")] == [
         "−3°", "−3 m", "3", "ekf"]  # fmt: skip
+    assert [measured(2.0, "°"), measured(2.0, "m"), with_unit("x", "°"), with_unit("x", "")] == [
+        "2.00°", "2.00 m", "x°", "x"]  # fmt: skip
     assert minus("a-b 2-3 -4 1e-05") == "a-b 2-3 −4 1e−05"
     assert unbroken("-2 m, 3 s, 4 more") == "−2\u00a0m, 3\u00a0s, 4 more"
     assert [*map(meters_at_most, (0.1231, 1.21, 12.1, 2e6))] == [
