@@ -12,7 +12,8 @@ from typing import Any
 from ..acoustics import shadow
 from ..acoustics.ranging import legs
 from .beacons import beacons_of
-from .either import greatest, radians, sin, sqrt, symbolic, where
+from .either import greatest, radians, sin, sqrt, square, symbolic, where
+from .names import branching
 from .paths import sketch
 
 
@@ -23,7 +24,7 @@ def chances(acoustics: Any) -> tuple[Any, Any]:
 
 
 def excesses(
-    root: Callable[[Any], Any], square: Any, diver: Any, beacon: Any, water_depth: Any
+    root: Callable[[Any], Any], apart: Any, diver: Any, beacon: Any, water_depth: Any
 ) -> tuple[Any, Any]:
     """Excess paths of the echoes from surface and bottom [m].
 
@@ -31,14 +32,14 @@ def excesses(
     ----------
     root
         The square root of such numbers.
-    square
+    apart
         Square of the horizontal distance [m²].
     diver, beacon, water_depth
         Their depths [m].
     """
-    direct = root(square + (diver - beacon) ** 2)
+    direct = root(apart + square(diver - beacon))
     surface, bottom = (
-        root(square + down**2) - direct
+        root(apart + square(down)) - direct
         for down in (diver + beacon, 2 * water_depth - (diver + beacon))
     )
     return surface, bottom
@@ -56,6 +57,7 @@ def share(acoustics: Any) -> Any:
     return where(received > 0, echoes, 0.0) / where(received > 0, received, 1.0)
 
 
+@branching
 def late(outliers: Any, acoustics: Any) -> Any:
     """Share of ranges that are late: outliers, and echoes where the direct path is lost.
 
@@ -65,10 +67,13 @@ def late(outliers: Any, acoustics: Any) -> Any:
         Share of outliers.
     """
     echoes = share(acoustics)
-    direct = (1 - echoes) ** legs(acoustics.ranging)
+    direct: Any = 1.0
+    for _ in range(legs(acoustics.ranging)):
+        direct = direct * (1 - echoes)
     return where(echoes > 0, 1 - (1 - outliers) * direct, outliers)
 
 
+@branching
 def mean_excess(outliers: Any, target: Any, platform: Any, acoustics: Any) -> Any:
     """Mean excess of late ranges [m]: of outliers, and of echoes along the diver's path.
 
@@ -99,10 +104,10 @@ def _along(points: Any, platform: Any, acoustics: Any) -> Any:
     beacons = _still(platform)
     for weight, n, e, z in points:
         for north, east, down in beacons:
-            square = (n - north) ** 2 + (e - east) ** 2
+            apart = square(n - north) + square(e - east)
             first, second = (
                 greatest(it, 0.0)
-                for it in excesses(sqrt, square, z, down, acoustics.water_depth_m)
+                for it in excesses(sqrt, apart, z, down, acoustics.water_depth_m)
             )
             # The receiver takes the echo that arrives first.
             mean = where(

@@ -1,0 +1,155 @@
+"""From the keys of a scenario to the start values of all components, as expressions.
+
+The functions of this folder are run on expressions instead of numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any
+
+from .. import RECEIVERS, declared
+from ..declaration import Component, Variable
+from .assumptions import PARAMETERS, assumed, clock, levels
+from .either import where
+from .expression import Expression, inputs_of, ordered, symbol
+from .keys import OF_RECEIVERS, in_si
+from .names import Table, branching, chosen, elements, names_of
+
+TABLES = ("target", "platform", "acoustics")
+_PATH = {"target.trajectory": "straight_line"}
+"""On every path, what echoes add needs the sine of the platform's heading: it is unknown here."""
+_Values = Mapping[str, tuple[Expression, ...]]
+
+
+@dataclass(frozen=True)
+class StartValues:
+    """Start values of the components for a number of beacons.
+
+    Attributes
+    ----------
+    inputs
+        Elements of the keys that `computed` depends on, ``"platform.gps_antenna_offset_m[2]"``, in
+        the units of a scenario file. Choices, switches and named values are numbers. NaN stands for
+        a key of ``[receiver]`` that is not given. All other keys have a value.
+    computed
+        Elements of parameters by name, ``"coupled.gps_std"``, in SI units.
+    copied
+        Parameters whose value is that of a key, and these keys: ``{"target.speed":
+        "target.speed_m_s"}``.
+    """
+
+    inputs: tuple[str, ...]
+    computed: _Values
+    copied: Mapping[str, str]
+
+    @property
+    def keys(self) -> Mapping[str, Sequence[str]]:
+        """Parameters that are computed, and the keys that determine each of them."""
+        return {name: _keys(inputs_of(*values)) for name, values in self.computed.items()}
+
+    @property
+    def unknown(self) -> Mapping[str, Sequence[str]]:
+        """Parameters that may be NaN, and the keys that decide whether they are."""
+        return {
+            name: _keys(inputs_of(*(
+                it.operands[0] for it in ordered(values)
+                if it.operation == "where" and any(each.unknown for each in it.operands)
+            )))
+            for name, values in self.computed.items() if any(it.perhaps_unknown for it in values)
+        }  # fmt: skip
+
+
+def _keys(inputs: Sequence[str]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(it.partition("[")[0] for it in inputs))
+
+
+@cache
+def start_values(beacons: int) -> StartValues:
+    """The start values of all components of systems with this number of beacons."""
+    known = {name: declared(name, beacons=beacons) for name in (*TABLES, *RECEIVERS)}
+    told = _told(known, beacons)
+    computed: dict[str, tuple[Expression, ...]] = {}
+    copied: dict[str, str] = {}
+    order: dict[str, int] = {}
+    for name, component in known.items():
+        kind = _kind(component)
+        for variable in component.of("parameter"):
+            path = f"{name if name in TABLES else 'receiver'}.{variable.key}"
+            for each in elements(path, variable):
+                order.setdefault(each, len(order))
+            own = None if name in TABLES else told[kind].get(variable.key)
+            values = _of_key(path, variable, own)
+            if all(it.operation == "input" for it in values):
+                copied[f"{name}.{variable.name}"] = path
+            else:
+                computed[f"{name}.{variable.name}"] = values
+    inputs = inputs_of(*(it for values in computed.values() for it in values))
+    return StartValues(tuple(sorted(inputs, key=order.__getitem__)), computed, copied)
+
+
+def _of_key(
+    path: str, variable: Variable, told: tuple[Expression, ...] | None
+) -> tuple[Expression, ...]:
+    """The elements of a parameter, from the value of its key or from what the receiver is told."""
+    given = tuple(map(symbol, elements(path, variable)))
+    # A name is its number here, for which there is nothing to convert.
+    own = given if names_of(variable) or variable.named else _in_si(variable, given)
+    if told is None:
+        return own
+    return tuple(
+        where(key == key, mine, theirs)  # noqa: PLR0124: NaN does not equal itself
+        for key, mine, theirs in zip(given, own, told, strict=True)
+    )
+
+
+def _in_si(variable: Variable, values: tuple[Any, ...]) -> tuple[Any, ...]:
+    """The elements of a parameter in SI units."""
+    return tuple(in_si(variable, values)) if variable.shape else (in_si(variable, values[0]),)
+
+
+# --- What receivers are told ---------------------------------------------------------------------
+
+_Kind = tuple[bool, bool, bool]
+"""What decides what a receiver is told: whether it estimates the clock, knows the arrangement, and
+has any assumption at all (`sblcosim.models.settings.assumptions.levels`)."""
+
+
+def _kind(component: Component) -> _Kind:
+    names = {v.name for v in component.of("parameter")}
+    return "clock_std" in names, "beacon_offset" in names, not PARAMETERS.isdisjoint(names)
+
+
+def _told(known: Mapping[str, Component], beacons: int) -> Mapping[_Kind, _Values]:
+    """What each kind of receiver is told, by keys of ``[receiver]``, in SI units."""
+    tables = [Table(name, known[name].of("parameter"), _PATH, beacons) for name in TABLES]
+    kinds = {_kind(known[name]) for name in RECEIVERS}
+    sources = OF_RECEIVERS["pose_source"]
+    given = symbol("receiver.pose_source")
+    found = _told_with(None, kinds, *tables)
+    for name, value in names_of(sources).items():
+        found = chosen(given == value, _told_with(name, kinds, *tables), found)
+    return found
+
+
+@branching
+def _told_with(
+    source: str | None, kinds: set[_Kind], target: Any, platform: Any, acoustics: Any
+) -> dict[_Kind, dict[str, tuple[Any, ...]]]:
+    """The same for a receiver with this ``pose_source``, or without a given one."""
+    tables = target, platform, acoustics
+    systems = {True: assumed(*tables, source), False: clock(acoustics)}
+    found: dict[_Kind, dict[str, tuple[Any, ...]]] = {}
+    for kind in kinds:
+        estimates_clock, knows_arrangement, everything = kind
+        values = levels(
+            systems[everything], *tables, estimates_clock=estimates_clock,
+            knows_arrangement=knows_arrangement,
+        )
+        found[kind] = {
+            key: _in_si(OF_RECEIVERS[key], value if OF_RECEIVERS[key].shape else (value,))
+            for key, value in values.items()
+        }
+    return found
