@@ -128,15 +128,11 @@ def _exact_square(value: Any) -> tuple[Any, Any]:
     return own, ((high * high - own) + 2.0 * high * low) + low * low
 
 
-def floor(value: Any) -> Any:
-    """The largest whole number that is not above a value."""
+def rounded(value: Any) -> Any:
+    """The nearest whole number. A symbol stays as it is: its derivative is the mean one."""
     if not symbolic(value):
-        return float(math.floor(value))
-    if _expression(value):
-        return computed("floor", value)
-    import casadi as ca
-
-    return ca.floor(value)
+        return math.floor(value + 0.5)
+    return computed("floor", value + 0.5) if _expression(value) else value
 
 
 def degrees(value: Any) -> Any:

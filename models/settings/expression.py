@@ -40,7 +40,6 @@ class Expression:
     """
 
     __slots__ = ("operands", "operation", "perhaps_unknown")
-    _known: dict[tuple[Any, ...], Expression] = {}
 
     operation: str
     operands: tuple[Any, ...]
@@ -49,9 +48,9 @@ class Expression:
     def __new__(cls, operation: str, *operands: Any) -> Expression:
         """An expression; equal ones are the same object."""
         key = (operation, *map(id, operands)) if operation in C else (operation, repr(operands))
-        found = cls._known.get(key)
+        found = _KNOWN.get(key)
         if found is None:
-            found = cls._known[key] = super().__new__(cls)
+            found = _KNOWN[key] = super().__new__(cls)
             found.operation, found.operands = operation, operands
             found.perhaps_unknown = found.unknown or (
                 operation in C and any(it.perhaps_unknown for it in operands)
@@ -64,10 +63,10 @@ class Expression:
         return self.operation == "number" and math.isnan(self.operands[0])
 
     def __bool__(self) -> bool:
-        raise TypeError("an expression has no truth value: use where() of models/settings/either")
+        raise TypeError("an expression has no truth value: use where() instead of if")
 
     def __pow__(self, power: Any) -> Expression:
-        raise TypeError("a power may differ in its last bit: use square() of models/settings/either")
+        raise TypeError("a power may differ in its last bit: multiply instead")
 
     __rpow__ = __pow__
     __hash__ = object.__hash__
@@ -119,6 +118,10 @@ class Expression:
 
     def __ne__(self, other: object) -> Expression:  # type: ignore[override]
         return computed("ne", self, other)
+
+
+_KNOWN: dict[tuple[Any, ...], Expression] = {}
+"""All expressions, by operation and operands."""
 
 
 def number(value: Any) -> Expression:

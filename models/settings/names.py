@@ -12,13 +12,13 @@ from typing import Any, ParamSpec, TypeVar
 
 from ..declaration import Variable
 from .either import where
-from .expression import Expression, number, symbol
+from .expression import number, symbol
 
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
 
 
-class Table:
+class TableOfInputs:
     """A table of a scenario with inputs in place of numbers.
 
     Parameters
@@ -29,14 +29,17 @@ class Table:
         The parameters of its keys.
     names
         The names or switch positions that are known, by path: ``{"platform.motion": "sines"}``.
+    filled
+        Expressions of keys that need not be given, by path.
     beacons
         Number of beacons.
     """
 
     def __init__(
-        self, name: str, variables: Iterable[Variable], names: Mapping[str, Any], beacons: int = 0
+        self, name: str, variables: Iterable[Variable], names: Mapping[str, Any],
+        filled: Mapping[str, Any], beacons: int,
     ) -> None:
-        self._name, self._names, self.beacons = name, names, beacons
+        self._name, self._names, self._filled, self.beacons = name, names, filled, beacons
         self._variables = {v.key: v for v in variables}
 
     def __getattr__(self, key: str) -> Any:
@@ -46,19 +49,24 @@ class Table:
         positions = names_of(variable)
         if positions:
             if path not in self._names:
-                raise _Asked(path, positions)
+                raise _AskedError(path, positions)
             return self._names[path]
-        symbols = tuple(map(symbol, elements(path, variable)))
-        value = self.__dict__[key] = symbols if variable.shape else symbols[0]
+        value = self._filled.get(path)
+        if value is None:
+            symbols = tuple(map(symbol, elements(path, variable)))
+            value = symbols if variable.shape else symbols[0]
+        self.__dict__[key] = value
         return value
 
-    def named(self, path: str, name: Any) -> Table:
+    def named(self, path: str, name: Any) -> TableOfInputs:
         """The table with one more name known; any path may be given."""
-        names = {**self._names, path: name}
-        return Table(self._name, self._variables.values(), names, self.beacons)
+        return TableOfInputs(
+            self._name, self._variables.values(), {**self._names, path: name}, self._filled,
+            self.beacons,
+        )
 
 
-class _Asked(Exception):
+class _AskedError(Exception):
     """A name is asked for that is not known: its path, and all names with their numbers."""
 
 
@@ -79,7 +87,7 @@ def branching(function: Callable[_P, _T]) -> Callable[_P, _T]:
 
     @wraps(function)
     def run(*args: _P.args, **rest: _P.kwargs) -> _T:
-        if not any(type(it) is Table for it in args):
+        if not any(type(it) is TableOfInputs for it in args):
             return function(*args, **rest)
         return _run(function, args, rest)
 
@@ -89,17 +97,17 @@ def branching(function: Callable[_P, _T]) -> Callable[_P, _T]:
 def _run(function: Any, args: Any, rest: Any) -> Any:
     try:
         return function(*args, **rest)
-    except _Asked as asked:
+    except _AskedError as asked:
         path, names = asked.args
-    found = {
-        name: _run(function, [it.named(path, name) if type(it) is Table else it for it in args],
-                   rest)
-        for name in names
-    }
+
+    def of(name: Any) -> Any:
+        known = [it.named(path, name) if type(it) is TableOfInputs else it for it in args]
+        return _run(function, known, rest)
+
     *others, last = names
-    merged = found[last]
+    merged = of(last)
     for name in reversed(others):
-        merged = chosen(symbol(path) == names[name], found[name], merged)
+        merged = chosen(symbol(path) == names[name], of(name), merged)
     return merged
 
 

@@ -6,7 +6,7 @@ and printed as C from there. It needs neither Python nor files, and also runs as
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from math import nan
 from pathlib import Path
 from typing import Any
@@ -67,10 +67,11 @@ def description(beacons: int) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``keys``: names of its inputs, in order. ``values``: parameters that it computes, and for
-        each of their elements the place in its output. ``copies``: parameters that are the value of
-        a key. ``depends``: the keys that each computed parameter depends on. ``unknown``:
-        parameters that may be NaN, and the keys that decide this.
+        ``keys``: names of its inputs, in order. ``optional``: keys that need not be given; NaN
+        stands for them. ``values``: parameters that it computes, and for each of their elements
+        the place in its output. ``copies``: parameters that are the value of a key. ``depends``:
+        the keys that each computed parameter depends on. ``unknown``: parameters that may be NaN,
+        and the keys that decide this.
     """
     found = start_values(beacons)
     place = {it: number for number, it in enumerate(values_of(found))}
@@ -79,6 +80,7 @@ def description(beacons: int) -> dict[str, Any]:
         "keys": [*found.inputs],
         "values": {name: [place[it] for it in own] for name, own in found.computed.items()},
         "copies": dict(found.copied),
+        "optional": sorted(found.optional),
         "depends": {name: [*keys] for name, keys in found.keys.items()},
         "unknown": {name: [*keys] for name, keys in found.unknown.items()},
     }
@@ -92,22 +94,26 @@ def keys_of(scenario: Any) -> list[float]:
     scenario
         A loaded scenario, or an object with the same tables.
     """
-    return [_element(scenario, *name.partition("[")) for name in start_values(scenario.beacons).inputs]
+    of = start_values(scenario.beacons)
+    return [_element(scenario, *name.partition("["), of.optional) for name in of.inputs]
 
 
-def _element(scenario: Any, path: str, bracket: str, rest: str) -> float:
+def _element(
+    scenario: Any, path: str, bracket: str, rest: str, optional: Collection[str]
+) -> float:
     """A number of a key; names have one."""
     name, key = path.split(".")
     table = getattr(scenario, name)
-    if name == "receiver" and key not in table.model_fields_set:
+    if path in optional and key not in table.model_fields_set:
         return nan
-    variable = OF_RECEIVERS[key] if name == "receiver" else _OF_TABLES[name][key]
     value = getattr(table, key)
+    variable = OF_RECEIVERS[key] if name == "receiver" else _OF_TABLES.get(name, {}).get(key)
     if bracket:
         row, *column = (int(place) - 1 for place in rest.rstrip("]").split(","))
         value = value[row * variable.shape[-1] + column[0] if column else row]
-    names = names_of(variable) | (variable.named or {})
-    return float(names[value] if isinstance(value, str) else value)
+    if not isinstance(value, str):
+        return float(value)
+    return float((names_of(variable) | (variable.named or {}))[value])
 
 
 def _equations(found: StartValues) -> Iterator[str]:
