@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import wraps
-from typing import Any, ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar, cast
 
 from ..declaration import Variable
 from .either import where
@@ -89,7 +89,7 @@ def branching(function: Callable[_P, _T]) -> Callable[_P, _T]:
     def run(*args: _P.args, **rest: _P.kwargs) -> _T:
         if not any(type(it) is TableOfInputs for it in args):
             return function(*args, **rest)
-        return _run(function, args, rest)
+        return cast(_T, _run(function, args, rest))
 
     return run
 

@@ -15,6 +15,7 @@ from sblcosim.fmus.build import factory
 from sblcosim.fmus.build.c_files import c_files
 from sblcosim.fmus.build.compiler import Compiler
 from sblcosim.models import COMPONENTS
+from sblcosim.models.declaration import Variable
 from sblcosim.models.settings.either import nearest_root
 from sblcosim.models.settings.expression import Expression, ordered, statements, symbol
 from sblcosim.models.settings.keys import OF_RECEIVERS
@@ -107,13 +108,19 @@ def _element(
     if path in optional and key not in table.model_fields_set:
         return nan
     value = getattr(table, key)
-    variable = OF_RECEIVERS[key] if name == "receiver" else _OF_TABLES.get(name, {}).get(key)
     if bracket:
+        shape = _variable(name, key).shape
         row, *column = (int(place) - 1 for place in rest.rstrip("]").split(","))
-        value = value[row * variable.shape[-1] + column[0] if column else row]
+        value = value[row * shape[-1] + column[0] if column else row]
     if not isinstance(value, str):
         return float(value)
-    return float((names_of(variable) | (variable.named or {}))[value])
+    variable = _variable(name, key)
+    return float({**names_of(variable), **(variable.named or {})}[value])
+
+
+def _variable(table: str, key: str) -> Variable:
+    """The parameter of a key."""
+    return OF_RECEIVERS[key] if table == "receiver" else _OF_TABLES[table][key]
 
 
 def _equations(found: StartValues) -> Iterator[str]:
