@@ -13,6 +13,7 @@ from ..acoustics import shadow
 from ..acoustics.ranging import legs
 from .beacons import beacons_of
 from .either import greatest, radians, sin, sqrt, square, symbolic, where
+from .expression import outlined
 from .names import branching
 from .paths import sketch
 
@@ -104,18 +105,33 @@ def _along(points: Any, platform: Any, acoustics: Any) -> Any:
     beacons = _still(platform)
     for weight, n, e, z in points:
         for north, east, down in beacons:
-            apart = square(n - north) + square(e - east)
-            first, second = (
-                greatest(it, 0.0)
-                for it in excesses(sqrt, apart, z, down, acoustics.water_depth_m)
-            )
-            # The receiver takes the echo that arrives first.
-            mean = where(
-                first <= second,
-                q1 * first + (1 - q1) * q2 * second, q2 * second + (1 - q2) * q1 * first,
-            )
+            mean = _excess(n - north, e - east, z, down, acoustics.water_depth_m, q1, q2)
             total, weights = total + weight * mean, weights + weight
     return total / weights / where(some > 0, some, 1.0)
+
+
+@outlined
+def _excess(n: Any, e: Any, diver: Any, beacon: Any, water_depth: Any, q1: Any, q2: Any) -> Any:
+    """Mean excess of the echoes between two points [m], times their probability.
+
+    Parameters
+    ----------
+    n, e
+        Horizontal distance, north and east [m].
+    diver, beacon, water_depth
+        Depths [m].
+    q1, q2
+        Probabilities of the echoes from surface and bottom.
+    """
+    first, second = (
+        greatest(it, 0.0)
+        for it in excesses(sqrt, square(n) + square(e), diver, beacon, water_depth)
+    )
+    # The receiver takes the echo that arrives first.
+    return where(
+        first <= second,
+        q1 * first + (1 - q1) * q2 * second, q2 * second + (1 - q2) * q1 * first,
+    )
 
 
 def _still(platform: Any) -> list[tuple[Any, Any, Any]]:

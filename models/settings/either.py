@@ -3,7 +3,7 @@
 Numbers go to `math` and Python's operators, so the bits are those of plain Python and CasADi is not
 imported. The type decides, because `math.sqrt` of a symbol is NaN instead of an error. Expressions
 (`sblcosim.models.settings.expression`) stand for the same operations as with numbers, one by one:
-what is computed here from + - * / and roots has the same bits in Python and in C.
+what is computed from numbers here has the same bits in Python and in C (`exact`).
 
 A root has no derivative at 0. Here a symbol's derivative is 0 there instead of NaN, so that the
 derivative of its square, a variance, is right.
@@ -13,9 +13,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from functools import lru_cache
 from typing import Any
 
-from .expression import UNKNOWN, Expression, computed
+from . import exact
+from .expression import Expression, computed
 
 
 def symbolic(*values: Any) -> bool:
@@ -64,7 +66,7 @@ def exp(value: Any) -> Any:
 
 
 def log(value: Any) -> Any:
-    """Natural logarithm of a positive value."""
+    """Natural logarithm of a value of at least 1."""
     return _elementary("log", value)
 
 
@@ -75,57 +77,28 @@ def sin(value: Any) -> Any:
 
 def _elementary(name: str, value: Any) -> Any:
     if not symbolic(value):
-        return getattr(math, name)(value)
+        return _of_number(name, value)
     if _expression(value):
-        return UNKNOWN
+        return getattr(exact, name)(value)
     import casadi as ca
 
     return getattr(ca, name)(value)
 
 
-def hypot(*values: Any) -> Any:
-    """Root of the sum of squares, of at least one value.
+@lru_cache(4096)
+def _of_number(name: str, value: float) -> float:
+    found: float = getattr(exact, name)(value)
+    return found
 
-    Of numbers it is the nearest double in nearly all cases, like that of `math`, but it consists of
-    + - * / and roots. A plain root of the sum differs from that in every fifth last bit.
-    """
+
+def hypot(*values: Any) -> Any:
+    """Root of the sum of squares, of at least one value."""
     if not symbolic(*values):
         some = [value for value in values if value]
-        return nearest_root(some) if len(some) > 1 else abs(some[0]) if some else 0.0
+        return exact.hypot(*some) if len(some) > 1 else abs(some[0]) if some else 0.0
     if _expression(*values):
-        return computed("hypot", *values)
+        return exact.hypot(*values)
     return sqrt(total(map(square, values)))
-
-
-def nearest_root(values: Iterable[Any]) -> Any:
-    """Root of the sum of squares, corrected by what rounding took from squares and sum.
-
-    T. J. Dekker, "A floating-point technique for extending the available precision", Numerische
-    Mathematik 18, 1971.
-    """
-    found: Any = 0.0
-    lost: Any = 0.0
-    for value in values:
-        own, beyond = _exact_square(value)
-        new = found + own
-        part = new - found
-        lost = lost + ((found - (new - part)) + (own - part) + beyond)
-        found = new
-    root = sqrt(found)
-    own, beyond = _exact_square(root)
-    return root + ((found - own) - beyond + lost) / (2.0 * where(root > 0, root, 1.0))
-
-
-_HALVES = 2.0**27 + 1.0
-"""Splits a double into two halves, whose products are exact."""
-
-
-def _exact_square(value: Any) -> tuple[Any, Any]:
-    """The square of a value, and what it lacks of the exact one."""
-    large = value * _HALVES
-    high = large - (large - value)
-    low, own = value - high, value * value
-    return own, ((high * high - own) + 2.0 * high * low) + low * low
 
 
 def rounded(value: Any) -> Any:

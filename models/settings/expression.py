@@ -4,14 +4,14 @@ Settings are computed from them as from numbers. Nothing is simplified or reorde
 printed from an expression has the bits of the same operations on Python's numbers. CasADi's
 symbols would not do: ``sqrt(x)**2`` becomes ``x``, and ``x / y * y`` becomes ``x``.
 
-A value that needs `sin`, `exp` or `log` differs in its last bit from one library to the next. It is
-unknown here, NaN, and so is everything computed from it.
+A value that is unknown is NaN, and so is everything computed from it.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import wraps
 from typing import Any
 
 C: Mapping[str, str] = {
@@ -19,10 +19,10 @@ C: Mapping[str, str] = {
     "lt": "{} < {}", "le": "{} <= {}", "eq": "{} == {}", "ne": "{} != {}",
     "both": "{} != 0.0 && {} != 0.0", "where": "{} != 0.0 ? {} : {}",
     "least": "{0} < {1} ? {1} : {0}", "most": "{1} < {0} ? {1} : {0}",
-    "sqrt": "r_sqrt({})", "floor": "r_floor({})", "absolute": "r_fabs({})", "hypot": "",
+    "sqrt": "r_sqrt({})", "floor": "r_floor({})", "absolute": "r_fabs({})",
 }
-"""The operations, as C on doubles; a condition is 1 or 0. A hypot is a call of ``hypot_N``, for N
-operands."""
+"""The operations, as C on doubles; a condition is 1 or 0."""
+_CALL = "call "
 _CONDITIONS = ("lt", "le", "eq", "ne", "both")
 
 
@@ -32,7 +32,7 @@ class Expression:
     Attributes
     ----------
     operation
-        A key of `C`, ``"input"`` or ``"number"``.
+        A key of `C`, ``"input"``, ``"number"``, or ``"call NAME"`` of an `outlined` function.
     operands
         The expressions that it is computed from; of an input its name, of a number its value.
     perhaps_unknown
@@ -47,13 +47,14 @@ class Expression:
 
     def __new__(cls, operation: str, *operands: Any) -> Expression:
         """An expression; equal ones are the same object."""
-        key = (operation, *map(id, operands)) if operation in C else (operation, repr(operands))
+        leaf = operation in ("input", "number")
+        key = (operation, repr(operands)) if leaf else (operation, *map(id, operands))
         found = _KNOWN.get(key)
         if found is None:
             found = _KNOWN[key] = super().__new__(cls)
             found.operation, found.operands = operation, operands
             found.perhaps_unknown = found.unknown or (
-                operation in C and any(it.perhaps_unknown for it in operands)
+                not leaf and any(it.perhaps_unknown for it in operands)
             )
         return found
 
@@ -157,6 +158,61 @@ def computed(operation: str, *values: Any) -> Expression:
     return Expression(operation, *operands)
 
 
+def choice(condition: Any, value: Any, otherwise: Any) -> Any:
+    """The first value where a condition on numbers or expressions holds, else the second."""
+    if isinstance(condition, Expression):
+        return computed("where", condition, value, otherwise)
+    return value if condition else otherwise
+
+
+def root(value: Any) -> Any:
+    """Square root of a number or an expression."""
+    return computed("sqrt", value) if isinstance(value, Expression) else math.sqrt(value)
+
+
+def whole(value: Any) -> Any:
+    """The largest whole number that is not above a number or an expression."""
+    if isinstance(value, Expression):
+        return computed("floor", value)
+    return float(math.floor(value))
+
+
+def outlined(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A function of numbers that expressions call, so that its C code is there once.
+
+    It takes numbers, and its result is one. Its name is that of the C function, with the number of
+    arguments at the end.
+    """
+    name = function.__name__
+    _OUTLINED[name] = function
+
+    @wraps(function)
+    def called(*values: Any) -> Any:
+        if any(type(value) is Expression for value in values):
+            return computed(f"{_CALL}{name}", *values)
+        return function(*values)
+
+    return called
+
+
+_OUTLINED: dict[str, Callable[..., Any]] = {}
+
+
+def called(expressions: Iterable[Expression]) -> dict[str, tuple[list[str], Expression]]:
+    """The C functions that expressions call: their arguments and results, in order of definition.
+    """
+    found: dict[str, tuple[list[str], Expression]] = {}
+    for it in ordered(expressions):
+        name = it.operation.removeprefix(_CALL)
+        own = f"{name}_{len(it.operands)}"
+        if name in _OUTLINED and name != it.operation and own not in found:
+            arguments = [f"x{place}" for place in range(len(it.operands))]
+            result = number(_OUTLINED[name](*map(symbol, arguments)))
+            found |= {k: v for k, v in called([result]).items() if k not in found}
+            found[own] = arguments, result
+    return found
+
+
 def ordered(expressions: Iterable[Expression]) -> Iterator[Expression]:
     """All expressions that these are computed from, each once, and after its operands."""
     done: set[int] = set()
@@ -165,7 +221,7 @@ def ordered(expressions: Iterable[Expression]) -> Iterator[Expression]:
         if id(it) in done:
             return
         done.add(id(it))
-        if it.operation in C:
+        if it.operation not in ("input", "number"):
             for operand in it.operands:
                 yield from visit(operand)
         yield it
@@ -199,9 +255,10 @@ def statements(
         else:
             names[id(it)] = f"v{len(names)}"
             operands = [names[id(o)] for o in it.operands]
-            text = C[it.operation].format(*operands)
-            if it.operation == "hypot":
-                text = f"hypot_{len(operands)}({', '.join(operands)})"
+            text = C.get(it.operation, "").format(*operands)
+            if it.operation not in C:
+                name = it.operation.removeprefix(_CALL)
+                text = f"{name}_{len(operands)}({', '.join(operands)})"
             yield f"const double {names[id(it)]} = {text};"
     for target, it in expressions.items():
         yield f"{target} = {names[id(it)]};"

@@ -8,11 +8,13 @@ from math import pi
 from typing import Any
 
 from .either import greatest, hypot, radians, sin, sqrt, square
+from .expression import UNKNOWN, Expression
 
 _POINTS = 8
 """Number of points on a path that is a formula."""
 _MOST = 64
 """Largest number of points of a track that are used."""
+_OF_POINTS = ("waypoints", "file")
 _HELD = 1e-9
 """Weight of a part without length or duration, so that a diver at rest is somewhere."""
 Weighted = tuple[Any, Any, Any, Any]
@@ -36,6 +38,8 @@ def sketch(target: Any) -> list[Weighted]:
     counts with its start, a random one with its box.
     """
     trajectory = target.trajectory
+    if trajectory in _OF_POINTS and isinstance(target.speed_m_s, Expression):
+        return [(1.0, UNKNOWN, UNKNOWN, UNKNOWN)]  # as many as there may be are too many
     if trajectory == "waypoints":
         rows = _rows(target.waypoint_m, target.waypoint_count)
         return [*_legs(rows, [hypot(*(b - a for a, b in zip(one, two, strict=True)))

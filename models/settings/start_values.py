@@ -21,8 +21,6 @@ from .names import TableOfInputs, branching, chosen, elements, names_of
 from .times import update_interval
 
 TABLES = ("target", "platform", "acoustics")
-_PATH = {"target.trajectory": "straight_line"}
-"""On every path, what echoes add needs the sine of the platform's heading: it is unknown here."""
 _Values = Mapping[str, tuple[Expression, ...]]
 
 
@@ -61,7 +59,7 @@ class StartValues:
         return {
             name: _keys(inputs_of(*(
                 it.operands[0] for it in ordered(values)
-                if it.operation == "where" and any(each.unknown for each in it.operands)
+                if it.operation == "where" and it.perhaps_unknown
             )))
             for name, values in self.computed.items() if any(it.perhaps_unknown for it in values)
         }  # fmt: skip
@@ -152,7 +150,7 @@ def _told(
     """What each kind of receiver is told, by keys of ``[receiver]``, in SI units."""
     values = {path: it[0] for path, it in filled.items()}
     tables = [
-        TableOfInputs(name, known[name].of("parameter"), _PATH, values, beacons) for name in TABLES
+        TableOfInputs(name, known[name].of("parameter"), {}, values, beacons) for name in TABLES
     ]
     kinds = {_kind(known[name]) for name in RECEIVERS}
     sources = OF_RECEIVERS["pose_source"]

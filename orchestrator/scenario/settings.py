@@ -16,8 +16,7 @@ from sblcosim.fmus.build.c_files import c_files
 from sblcosim.fmus.build.compiler import Compiler
 from sblcosim.models import COMPONENTS
 from sblcosim.models.declaration import Variable
-from sblcosim.models.settings.either import nearest_root
-from sblcosim.models.settings.expression import Expression, ordered, statements, symbol
+from sblcosim.models.settings.expression import Expression, called, statements
 from sblcosim.models.settings.keys import OF_RECEIVERS
 from sblcosim.models.settings.names import names_of
 from sblcosim.models.settings.start_values import TABLES, StartValues, start_values
@@ -128,13 +127,11 @@ def _equations(found: StartValues) -> Iterator[str]:
     place = {name: f"keys[{number}]" for number, name in enumerate(found.inputs)}
     yield "/* Generated from models/settings. */"
     yield f"enum {{ N_KEYS = {len(place)}, N_VALUES = {len(values)} }};\n"
-    for count in sorted({len(it.operands) for it in ordered(values) if it.operation == "hypot"}):
-        names = [f"x{number}" for number in range(count)]
-        root = nearest_root(map(symbol, names))
+    for name, (arguments, result) in called(values).items():
+        taken = ", ".join(f"double {it}" for it in arguments)
         yield from _function(
-            f"__attribute__((noinline)) double hypot_{count}"
-            f"({', '.join(f'double {name}' for name in names)})",
-            ["double root;", *statements({"root": root}, str), "return root;"],
+            f"__attribute__((noinline)) double {name}({taken})",
+            ["double result;", *statements({"result": result}, str), "return result;"],
         )
     body = statements({f"values[{n}]": it for n, it in enumerate(values)}, place.__getitem__)
     yield from _function("void start_values(const double *keys, double *values)", [*body])

@@ -31,9 +31,9 @@ from sblcosim.scenario.wiring import connect
 
 NODE = shutil.which("node")
 SCRIPT = Path(__file__).with_name("settings.cjs")
-QUICK_CASES, SLOW_CASES = 600, 200_000 // 6 + 1
+QUICK_CASES, SLOW_CASES = 300, 200_000 // 6 + 1
 """Random settings for each number of beacons."""
-LARGEST = 16_000
+LARGEST = 60_000
 """Largest size of a module in bytes."""
 COUNTS = range(BEACONS.least, BEACONS.most + 1)
 Elements = Mapping[str, tuple[float, ...]]
@@ -105,7 +105,9 @@ def drawn(beacons: int, numbers: random.Random) -> Settings:
             setattr(table, variable.key, a_value(variable, numbers))
         table.model_fields_set = {*vars(table)}
         setattr(found, name, table)
-    found.target.trajectory = numbers.choice(["circle", "square", "straight_line", "spiral"])
+    if found.target.trajectory == "file":
+        found.target.trajectory = "waypoints"
+    found.target.waypoint_count = numbers.randint(2, 64)
     if numbers.random() < 0.7:
         found.acoustics.surface_echo_probability = found.acoustics.bottom_echo_probability = 0.0
     known = {v.key: v for r in RECEIVERS for v in component(r, beacons).of("parameter")}
@@ -220,7 +222,7 @@ def test_settings_at_random_have_the_same_bits(beacons: int, cases: int, tmp_pat
             assert (bits(of_wasm(beacons, given, tmp_path)) == bits(found)).all()
         missing = np.isnan(found)
         assert not missing[:, ~unknown].any()
-        calm = [it.platform.motion == "sines" and not (
+        calm = [it.target.trajectory != "waypoints" or not (
             it.acoustics.surface_echo_probability or it.acoustics.bottom_echo_probability
         ) for it in some]
         assert not missing[calm].any()
@@ -230,7 +232,7 @@ def test_settings_at_random_have_the_same_bits(beacons: int, cases: int, tmp_pat
             for name, places in described(beacons)["values"].items() if other[:, places].any()
         ][:5]
         done, known = done + len(some), known + sum(calm)
-    assert known > 0.2 * cases
+    assert known > 0.8 * cases
 
 
 @pytest.mark.parametrize("name", few(shipped(), quick=("gps-buoys", "paper-scenario-1")))

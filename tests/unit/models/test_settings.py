@@ -161,8 +161,6 @@ TRIED: Mapping[str, Callable[[Tables], Any]] = {
         t.acoustics.outlier_mean_m + 1.0, 3),
     "either.sqrt": lambda t: either.sqrt(t.acoustics.range_std_m),
     "either.hypot": lambda t: either.hypot(t.acoustics.range_std_m, 2.0, t.target.depth_std_m),
-    "either.nearest_root": lambda t: either.nearest_root(
-        [t.acoustics.range_std_m, 2.0, t.target.depth_std_m]),
     "either.square": lambda t: either.square(t.acoustics.range_std_m),
     "either.total": lambda t: either.total([t.acoustics.range_std_m, t.target.depth_std_m]),
     "either.rounded": lambda t: either.rounded(1e6 * t.acoustics.range_std_m) / 1e6,
@@ -186,7 +184,7 @@ CHOICES = {
     "presets.preset",
 }
 """Those that take names, whole numbers and declarations only, or ask how many there are."""
-OF_EXPRESSIONS = ("expression", "names", "start_values")
+OF_EXPRESSIONS = ("exact", "expression", "names", "start_values")
 """Modules for expressions alone: ``tests/fmu/test_settings.py``."""
 
 
