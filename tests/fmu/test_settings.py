@@ -75,6 +75,12 @@ def component(name: str, beacons: int) -> Component:
 
 
 @cache
+def start(name: str, beacons: int, parameter: str) -> Any:
+    of = component(name, beacons)
+    return keys.default(of, of[parameter])
+
+
+@cache
 def described(beacons: int) -> Mapping[str, Any]:
     return settings.description(beacons)
 
@@ -139,8 +145,10 @@ def a_value(variable: Variable, numbers: random.Random) -> Any:
     if variable.named and numbers.random() < 0.3:
         return numbers.choice([*variable.named])
     if variable.shape:
-        elements = [a_number(variable, numbers) for _ in range(variable.size)]
-        return tuple(elements) if numbers.random() < 0.8 else (0.0,) * variable.size
+        if numbers.random() < 0.2:
+            return (0.0,) * variable.size
+        elements = [a_number(variable, numbers) for _ in range(min(variable.size, 24))]
+        return (*elements, *elements * 7)[: variable.size]
     return a_number(variable, numbers)
 
 
@@ -180,9 +188,11 @@ def of_python(drawn: Settings) -> Elements:
             told = {**told, "update_interval_s": times.update_interval(
                 drawn.time.sampling_time_s, drawn.time.ekf_ratio)}
         for v in parameters:
+            if f"{name}.{v.name}" not in described(drawn.beacons)["values"]:
+                continue
             value = getattr(table, v.key)
             if name in RECEIVERS and v.key not in given:
-                value = told.get(v.key, keys.default(component(name, drawn.beacons), v))
+                value = told.get(v.key) if v.key in told else start(name, drawn.beacons, v.name)
             value = keys.in_si(v, value)
             found[f"{name}.{v.name}"] = value if isinstance(value, tuple) else (value,)
     return found
