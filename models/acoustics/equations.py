@@ -8,7 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import accumulate
 from math import prod
+from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
@@ -63,6 +65,8 @@ def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
         "last_position": ca.SX.zeros(n, 3),
         "last_epoch": t,
         "listening": 0,
+        "common_error": 0,
+        "ping_draws": ca.SX.zeros(sum(draw.size for draw in _SHARED)),
     }
 
 
@@ -129,6 +133,12 @@ _DRAWS_OF_ARRIVALS = (
     *(replace(draw, occasion=_ARRIVAL)
       for draw in _DRAWS if draw.occasion == "tick" and draw.name != "loss"),
 )
+_SHARED = (
+    *(draw for draw in _DRAWS_OF_ARRIVALS if draw.name.startswith(_ARRIVAL)),
+    *FOUND["outliers"].draws,
+)
+"""What all arrivals of a ping take from the first one if they are lost or late together."""
+_DRAW_OF_PING = Draw("range_common", "normal", "tick", 1, ("range_common_std",))
 _DRAW_OF_EACH = Draw(
     "turnaround_each", "normal", "initial", 1, ("turnaround_beacon_std",), each=BEACONS
 )
@@ -159,6 +169,7 @@ def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Val
         "sounding": sounding, "unwritten": partial + _is_rounded(p) > 0,
         "asking": _which(p, lambda it: it.legs > 1) * (others + 1),
         "listening": _which(p, lambda it: it.from_diver) * p.beacons,
+        "common_error": p.range_common_std * w.range_common,
     }
 
 
@@ -406,6 +417,7 @@ def _arrival(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     is_turn = _is_turn(p, x, x.turn)
     beacon = _pinging(u, is_turn)
     drift = _drift(p, x, beacon, is_turn, t)
+    w, drawn = _of_ping(p, x, w)
     middle = ca.sum1(u.beacon_position).T / p.beacons
     speed = mean_speed(p, (middle[2], u.target_position[2]))
     since = leg_length(p, u.target_position - middle, -u.target_velocity, speed) / speed
@@ -418,7 +430,9 @@ def _arrival(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     heard = heard * (w.arrival_shadow >= _shade(p, u, beacon) * _UNIFORMS)
     travel_time = ca.if_else(heard, time, echo)
     new = [it * (heard + (echo < _NEVER) > 0) for it in is_turn]
-    measured = _rounded(_measured(p, x, w, t, travel_time), p.range_resolution)
+    measured = _rounded(
+        _measured(p, x, w, t, travel_time) + x.common_error, p.range_resolution
+    )
     late = travel_time - since
     carried = ca.repmat((drift * late).T, p.beacons, 1)
     return {
@@ -432,7 +446,18 @@ def _arrival(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
         "request_chance": chance,
         **_next(p, x, u, t, new, x.listening),
         "listening": x.listening - 1,
+        "ping_draws": drawn,
     }
+
+
+def _of_ping(p: Symbols, x: Symbols, w: Symbols) -> tuple[Symbols, Any]:
+    """The draws of an arrival, and those that it shares with the others of its ping if they do."""
+    own = ca.vertcat(*(getattr(w, draw.name) for draw in _SHARED))
+    later = p.arrivals_shared * (x.listening < p.beacons)
+    drawn = ca.if_else(later, x.ping_draws, own)
+    parts = ca.vertsplit(drawn, [0, *accumulate(draw.size for draw in _SHARED)])
+    names = (draw.name for draw in _SHARED)
+    return SimpleNamespace(**{**vars(w), **dict(zip(names, parts, strict=True))}), drawn
 
 
 def _leg(p: Symbols, diver: Any, velocity: Any, beacon: Any, drawn: list[Any]
@@ -534,5 +559,5 @@ EQUATIONS = Equations(
         Loop(_PACKET, lambda p, x, u, t: x.unwritten, _written),
     ),
     draws=(*_DRAWS, *_DRAWS_OF_OTHERS, *_DRAWS_OF_CHANNEL, *_DRAWS_OF_ROUND_TRIP,
-           _DRAW_OF_EACH, *_DRAWS_OF_SHADOW, *_DRAWS_OF_ARRIVALS),
+           _DRAW_OF_EACH, *_DRAWS_OF_SHADOW, *_DRAWS_OF_ARRIVALS, _DRAW_OF_PING),
 )

@@ -49,11 +49,12 @@ _IN_TURN = (is_one_of("ranging", RANGING, *(name for name in RANGINGS if name no
 def _random() -> Iterator[tuple[Condition, ...]]:
     """Requirements for anything to be random; in each group, at least one condition must hold."""
     clock, turnaround = (not_zero(*_CLOCK), _CLOCKED), (not_zero(*_TURNAROUND), _TWO_WAY)
+    common = (not_zero("range_common_std"), _INVERTED)
     for first, *rest in product(*(it.random for it in FOUND.values() if it.random)):
-        for one, other in product(clock, turnaround):
+        for one, other, third in product(clock, turnaround, common):
             if (one, other) != (_CLOCKED, _TWO_WAY):  # one of these always holds
                 yield (
-                    *not_zero(*first, *_LOSSES), *one, *other, *not_zero(*chain(*rest))
+                    *not_zero(*first, *_LOSSES), *one, *other, *third, *not_zero(*chain(*rest))
                 )
 
 
@@ -109,8 +110,12 @@ TURNAROUND = (
 ARRIVALS = (
     parameter("range_resolution", "Step of the times of arrival, as a range; 0: they are not "
               "rounded", "m", min=0.0, max=1000.0, needs=(_INVERTED,)),
+    parameter("range_common_std", "Standard deviation of the error that all arrivals of a ping "
+              "share, besides the noise of each", "m", min=0.0, max=1e6, needs=(_INVERTED,)),
+    switch("arrivals_shared", "Whether all arrivals of a ping are lost or late together, as at "
+           "hydrophones a few centimetres apart", False, needs=(_INVERTED,)),
 )
-"""How exactly beacons time the diver's ping."""
+"""How exactly beacons time the diver's ping, and what their arrivals have in common."""
 
 
 def _in_turn(shape: tuple[int, ...]) -> tuple[int, ...]:

@@ -18,7 +18,6 @@ from .surroundings import (
     NEAREST,
     PLATFORM,
     POSITION,
-    STATES,
     VELOCITY,
     WIDEST,
     Measurement,
@@ -164,7 +163,7 @@ def retract(mean: Any, P: Any, d: Any) -> tuple[Any, Any, Map]:
     ):
         A |= {(i, j): block[n, m] for n, i in enumerate(rows) for m, j in enumerate(columns)}
     turn = Map(A)
-    matrix = turn.matrix(STATES)
+    matrix = turn.matrix(P.shape[0])
     return moved, symmetric(matrix @ P @ matrix.T), turn
 
 

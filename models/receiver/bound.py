@@ -10,11 +10,11 @@ belong to one beacon, and each beacon has a copy of them.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any, Literal
 
-from . import field, surroundings, waves
+from . import field, ping, surroundings, waves
 from .surroundings import Elements, Measurement, Pose
 
 FAR_STD = 30.0
@@ -28,9 +28,10 @@ _LEAST_STD = 1e-6
 SURROUNDINGS: Mapping[str, int] = {"position": 3, "platform": 3, "attitude": 3, "beacon": 3}
 """True values at an epoch, and their lengths: positions of diver and platform, NED [m], roll,
 pitch, yaw [rad], and the position of one beacon, in the body frame or, for `FIELD`, NED [m]."""
-SITUATION = ("speed", "own_beacon", "known_start")
-"""What is not a parameter of a receiver: κ; whether packets hold the position of their own beacon
-and nothing else; whether the start is known with the receiver's prior."""
+SITUATION = ("pings", "speed", "own_beacon", "known_start")
+"""What is not a parameter of a receiver: the number of pings that an epoch stands for, for `ARRAY`;
+κ; whether packets hold the position of their own beacon and nothing else; whether the start is
+known with the receiver's prior."""
 
 
 Matrix = list[list[Any]]
@@ -191,6 +192,54 @@ PLATFORM = Bound(
 )  # fmt: skip
 
 
+# --- An array that hears one ping: `ping` ---------------------------------------------------------
+
+_PING = ping.Ping(waves.STATES)
+
+
+def _of_array(p: Any) -> Any:
+    return SimpleNamespace(**vars(p) | {"imu_tilt_std": p.imu_tilt_noise_std})
+
+
+def _array_row(of: Callable[[Any, Any, Any], Measurement]) -> Callable[..., Measurement]:
+    return lambda m, p, s: of(m, _of_array(p), s)
+
+
+def _arrival(m: Any, p: Any, s: Any) -> Measurement:
+    p = _of_array(p)
+    x = [*_of_platform(p, s), *[0.0] * ping.STATES]
+    # Where packets hold no pose, their tilt is that of the waves, as without a ping.
+    pose, lever = _pose(p, s), p.own_beacon * s.beacon[2]
+    row = _PING.range_(m, p, x, pose, s.beacon)
+    swing = {i: -lever * row.u[n] for n, i in enumerate(waves.SWING)}
+    return replace(row, row={**row.row, **swing})
+
+
+def _array_transition(m: Any, p: Any, dt: Any) -> tuple[Elements, ...]:
+    p = _of_array(p)
+    both = zip(waves.transition(m, p, dt), _PING.transition(m, p, dt, p.pings), strict=True)
+    return tuple({**one, **other} for one, other in both)
+
+
+ARRAY = Bound(
+    parameters=(
+        *(name for name in PLATFORM.parameters if name != "imu_tilt_std"),
+        "assumed_sound_speed", "range_common_std", "imu_tilt_noise_std", "imu_tilt_error_std",
+    ),
+    states=waves.STATES + ping.STATES,
+    each=0,
+    prior_stds=lambda m, p, s: {
+        **PLATFORM.prior_stds(m, _of_array(p), s), **_PING.prior_stds(m, _of_array(p)),
+    },
+    transition=_array_transition,
+    rows=tuple(
+        replace(row, of=_arrival if row.of is _range else _array_row(row.of))
+        for row in PLATFORM.rows
+    ),
+    marginals=_platform_marginals,
+)
+
+
 # --- Beacons with errors of their own: `field` ---------------------------------------------------
 
 
@@ -234,5 +283,5 @@ FIELD = Bound(
     marginals=_field_marginals,
 )  # fmt: skip
 
-BOUNDS: Mapping[str, Bound] = {"platform": PLATFORM, "field": FIELD}
+BOUNDS: Mapping[str, Bound] = {"platform": PLATFORM, "field": FIELD, "array": ARRAY}
 """All models, in the order of their numbers."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from math import pi
-from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
@@ -30,7 +29,7 @@ from . import (
 )
 from .estimate import pack, unpack
 from .least_squares import symmetric
-from .measurements import DEPTH, Samples, with_beacons
+from .measurements import with_beacons
 from .steps import Correction, Map, Step
 from .surroundings import (
     CLOCK,
@@ -39,10 +38,20 @@ from .surroundings import (
     PLATFORM,
     POSITION,
     SPEED,
-    STATES,
     VELOCITY,
     VERTICAL_ERROR,
     Measurement,
+)
+from .taking import (
+    ALONE,
+    SAMPLE,
+    StateModel,
+    heave_of,
+    pending,
+    reading,
+    sample_of,
+    split,
+    unprocessed,
 )
 from .variables import INITIALISATION
 from .waves import Heave, Swing
@@ -58,19 +67,19 @@ KEPT = (*POSITION, *VELOCITY, *PLATFORM, VERTICAL_ERROR)
 """The states whose covariance is output."""
 
 
-def initial(p: Symbols, w: Symbols, t: Any) -> Values:
+def initial(p: Symbols, w: Symbols, t: Any, model: StateModel = ALONE) -> Values:
     """All states of the filter at the start."""
-    stds = ca.SX.zeros(STATES)
-    for i, std in surroundings.prior_stds(p).items():
+    stds = ca.SX.zeros(model.states)
+    for i, std in model.prior_stds(p).items():
         stds[i] = std
     for i in POSITION:
         stds[i] = p.prior_position_std
     for i in VELOCITY:
         stds[i] = p.prior_velocity_std
-    mean = ca.SX.zeros(STATES)
+    mean = ca.SX.zeros(model.states)
     mean[list(POSITION)] = p.prior_position
     mean[list(VELOCITY)] = p.prior_velocity
-    phi, noise = surroundings.around(ca, p, ca.SX(0))
+    phi, noise = model.around(ca, p, ca.SX(0))
     heave, swing = waves.no_heave(p), waves.no_swing(p)
     return {
         **measurements.initial(p, t),
@@ -85,7 +94,7 @@ def initial(p: Symbols, w: Symbols, t: Any) -> Values:
         "pose_epoch": t,
         "arm": ca.SX.zeros(p.beacons, 3),
         **pose.NOTHING.states,
-        "sample": ca.SX.zeros(len(_SAMPLE)),
+        "sample": ca.SX.zeros(len(SAMPLE)),
         "packet": ca.SX.zeros(pose.NUMBERS),
         "around": ca.SX.zeros(len(phi) + len(noise)),
         "share": 0,
@@ -97,38 +106,7 @@ def initial(p: Symbols, w: Symbols, t: Any) -> Values:
     }
 
 
-_SAMPLE = (
-    "pending", "pause", "range", "placing", "sounding", "floating", "posing", "ranging", "using",
-    "enough", "first", "last",
-)
-"""What the filters need to know of a sample besides the packet: `Sample`."""
-
-
-def _sample(x: Symbols) -> SimpleNamespace:
-    """The sample at hand.
-
-    Attributes
-    ----------
-    pending
-        Whether the filters have not used it yet.
-    pause
-        Time since the sample before [s].
-    range
-        Its range [m].
-    placing, sounding, floating, posing, ranging
-        Whether it places the platform for the first time, has a depth to be used, a depth of the
-        platform, a pose, a range.
-    using
-        Whether the filter has started and does not start again.
-    enough, first
-        Whether the latest receptions suffice for a fix, and whether this is the first.
-    last
-        Whether it is the last of the new ones.
-    """
-    return SimpleNamespace(**{name: x.sample[i] for i, name in enumerate(_SAMPLE)})
-
-
-def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Values:
+def ticked(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Values:
     s = with_beacons(x, u, u.ping_beacon_position)
     update = s.any_new * x.ready
     return {
@@ -138,93 +116,24 @@ def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Val
     }
 
 
-def unprocessed(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Any:
-    """Whether there is a sample that has not been used."""
-    return with_beacons(x, u, u.ping_beacon_position).any_new
-
-
-def reading(row: int) -> Callable[[Symbols, Symbols, Symbols, Symbols, Any], Values]:
-    """The body that takes the oldest sample; a depth and a packet of one epoch together.
-
-    The first fix waits for the platform and for the last of the new samples.
-
-    Parameters
-    ----------
-    row
-        The filter whose heading and expected changes are those of heave and swing. They are common
-        to all filters: what reports say of them does not depend on the diver's motion.
-    """
-    def read(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
-        return _read(p, x, u, x.mean[row, :].T)
-
-    return read
-
-
-def _read(p: Symbols, x: Symbols, u: Symbols, mean: Any) -> Values:
-    s = with_beacons(x, u, u.ping_beacon_position)
-    oldest, depth, packet, chosen, z = _oldest(s)
-    newest = oldest >= ca.mmax(s.epoch[:DEPTH])
-    epoch = ca.fmax(oldest, x.epoch)
-    using = x.ready * (x.passes == 0)
-    pause = epoch - x.epoch
-    phi, noise = surroundings.around(ca, p, pause)
-    drift = surroundings.drift(p, phi, noise)
-    said, own = pose.read(p, u, s, chosen, newest, pose.later(x, drift))
-    placing = packet * said.complete * (x.located == 0)
-    located = ca.fmax(x.located, placing)
-    # Several packets of one epoch hold the same pose, errors included.
-    fresh = packet * (1 - (oldest == x.pose_epoch) * (said.is_own == 0))
-    posing = fresh * located
-    before = _waves_later(p, x, mean, pause, phi, drift)
-    angle = waves.causes(_split(mean))[2] + _changes(phi, mean)[1][2]
-    angle = ca.if_else(placing, said.first_heading, angle)
-    heave, swing = _waves_reported(p, before, said, angle, fresh, posing)
-    arm = _turned_arm(said)
-    last = ca.sum1(s.new) <= packet + depth
-    sample = {
-        "pending": 1, "pause": pause, "range": z, "placing": placing, "sounding": depth * using,
-        "floating": fresh, "posing": posing, "ranging": packet * located * using,
-        "using": using, "enough": s.enough * located,
-        "first": (x.ready == 0) * s.enough * located * last, "last": last,
-    }
-    return {
-        "seen": ca.if_else(ca.vertcat(chosen, depth), s.mark, x.seen),
-        "epoch": epoch,
-        "located": located,
-        "pose_epoch": ca.if_else(packet, oldest, x.pose_epoch),
-        "platform_down": ca.if_else(packet, said.pose.down, x.platform_down),
-        "heave": ca.vertcat(*heave.numbers),
-        "swing": ca.vertcat(*swing.numbers),
-        "before": ca.vertcat(*before[0].numbers, *before[1].numbers),
-        "arm": ca.if_else(ca.repmat(chosen, 1, 3), ca.repmat(arm.T, s.count, 1), x.arm),
-        **own.states,
-        "sample": ca.vertcat(*(sample[name] for name in _SAMPLE)),
-        "packet": said.numbers,
-        "around": ca.vertcat(*phi.values(), *noise.values()),
-        "share": 0,
-        "short": 0,
-        "fast": 0,
-    }
-
-
-def pending(x: Symbols) -> Any:
-    """Whether the sample at hand has still to be processed."""
-    return _sample(x).pending
-
-
-def _pending(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Any:
+def taking_part(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Any:
     """Whether a row processes the sample; all but the first wait for a start."""
     taking_part = ca.if_else(x.row == bank.EXTRA, p.watch, bank.learned(p))
     return pending(x) * ca.fmax(x.row == 0, taking_part * x.ready)
 
 
-def filtered(p: Symbols, x: Symbols, u: Symbols, part: Any) -> tuple[dict[str, Any], list[Step]]:
+def filtered(
+    p: Symbols, x: Symbols, u: Symbols, part: Any, model: StateModel = ALONE,
+    ranged: Callable[..., tuple[Any, Any, Heard, list[Step]]] | None = None,
+) -> tuple[dict[str, Any], list[Step]]:
     """Process a sample with one filter of the bank: the depth first.
 
     Parameters
     ----------
     part
         Share of this filter in what is said of all of them.
+    ranged
+        What its ranges do, with the arguments of `range_updated`, which is the default.
 
     Returns
     -------
@@ -232,21 +141,22 @@ def filtered(p: Symbols, x: Symbols, u: Symbols, part: Any) -> tuple[dict[str, A
         The changed states, and the steps that the mean and its error go through, except for the
         first placement of the platform.
     """
-    sample, said = _sample(x), pose.packet(x.packet)
+    sample, said = sample_of(x), pose.packet(x.packet)
     phi, noise = surroundings.white_acceleration(bank.psd(p, x), sample.pause, POSITION, VELOCITY)
-    known, grown = surroundings.around(ca, p, sample.pause)
+    known, grown = model.around(ca, p, sample.pause)
     keys = [(phi, key) for key in known] + [(noise, key) for key in grown]
     for i, (elements, key) in enumerate(keys):
         elements[key] = x.around[i]
     mean, P, moved = _predicted(x, phi, noise)
     mean, P = _located(mean, P, said, sample.placing)
     mean, P, depth_nis, sounded = _sounded(p, mean, P, u.depth, sample.sounding)
-    mean, P, sunk = _floated(p, mean, P, said, waves.heave_of(_split(x.before)[:3]),
+    mean, P, sunk = _floated(p, mean, P, said, waves.heave_of(split(x.before)[:3]),
                              sample.floating)
-    mean, P, posed = _platform_updated(p, mean, P, said, waves.swing_of(_split(x.before)[3:]),
+    mean, P, posed = _platform_updated(p, mean, P, said, waves.swing_of(split(x.before)[3:]),
                                        sample.posing)
-    mean, P, heard, steps = _range_updated(p, mean, P, said, waves.swing_of(_split(x.swing)),
-                                           sample.range, sample.ranging)
+    mean, P, heard, steps = (ranged or range_updated)(
+        p, mean, P, said, waves.swing_of(split(x.swing)), sample.range, sample.ranging
+    )
     too_fast = ca.sumsqr(mean[list(VELOCITY)]) > p.speed_limit**2
     changed = {
         "mean": mean,
@@ -266,7 +176,7 @@ def _filter(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
 
 def settle(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     """What a sample means for all filters: weights, doubts, a start."""
-    sample = _sample(x)
+    sample = sample_of(x)
     score = lateness.score(p, x.score, x.share, x.short, sample.ranging)
     wrong = ca.fmax(score > lateness.LIMIT, x.fast > 0.5) * sample.using * sample.enough
     return {
@@ -281,9 +191,9 @@ def settle(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     }
 
 
-def _settle(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
+def settle_watched(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     """The same, with the second opinion."""
-    sample = _sample(x)
+    sample = sample_of(x)
     changed = settle(p, x, u, w, t)
     watching = p.watch * sample.using * (changed["passes"] == 0)
     better = ca.log(x.weight[bank.EXTRA]) - ca.log(bank.total(x))
@@ -308,30 +218,10 @@ def _settle(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
 def _sounded(
     p: Symbols, mean: Any, P: Any, z: Any, weight: Any
 ) -> tuple[Any, Any, Any, Correction]:
-    """Apply a reading of the depth sensor; returns mean, P, nis and step like `_update`."""
-    row = surroundings.depth(p, _split(mean))
-    d, P, nis, step = _update(P, ca.SX.zeros(STATES), row, z - row.value, weight)
+    """Apply a reading of the depth sensor; returns mean, P, nis and step like `updated`."""
+    row = surroundings.depth(p, split(mean))
+    d, P, nis, step = updated(P, ca.SX.zeros(P.shape[0]), row, z - row.value, weight)
     return mean + d, P, nis, step
-
-
-def _oldest(s: Samples) -> tuple[Any, Any, Any, Any, Any]:
-    """The oldest epoch, whether it has a depth and a packet, the packet's beacon and its range."""
-    pending = [ca.if_else(s.new[i], s.epoch[i], s.newest + 1) for i in range(s.count + 1)]
-    oldest = ca.mmin(ca.vertcat(*pending))
-    which, packet, z = [], ca.SX(0), ca.SX(0)
-    for i in range(s.count):  # the first of equal epochs
-        this = (pending[i] <= oldest) * (packet == 0)
-        which.append(this)
-        packet += this
-        z = ca.if_else(this, s.z[i], z)
-    return oldest, pending[DEPTH] <= oldest, packet, ca.vertcat(*which), z
-
-
-def _turned_arm(said: pose.Packet) -> Any:
-    """The beacon's arm with its packet's tilt, at a heading of 0, (3, 1)."""
-    at_zero = [ca.SX(0)] * STATES
-    arm = [said.arm[i] for i in range(3)]
-    return ca.vertcat(*surroundings.arm_of(ca, at_zero, said.pose, arm))
 
 
 def _predicted(
@@ -339,10 +229,11 @@ def _predicted(
 ) -> tuple[Any, Any, Map]:
     """The state and its covariance after a transition, and Φ."""
     moved = Map(phi)
-    Phi, Q = moved.matrix(STATES), ca.SX(STATES, STATES)
+    n = x.mean.numel()
+    Phi, Q = moved.matrix(n), ca.SX(n, n)
     for (i, j), value in noise.items():
         Q[i, j] = Q[j, i] = value
-    P = unpack(x.covariance, STATES)
+    P = unpack(x.covariance, n)
     return Phi @ x.mean, symmetric(Phi @ P @ Phi.T + Q), moved
 
 
@@ -361,7 +252,7 @@ def _located(mean: Any, P: Any, said: pose.Packet, first: Any) -> tuple[Any, Any
     mean, P = ca.SX(mean), ca.SX(P)
     for i, variance in variances.items():
         mean[i] = ca.if_else(first, values[i], mean[i])
-        for j in range(STATES):
+        for j in range(P.shape[0]):
             P[i, j] = P[j, i] = ca.if_else(first, variance if i == j else 0, P[i, j])
     P[HEADING, HEADING_ERROR] = P[HEADING_ERROR, HEADING] = ca.if_else(
         first, -apart, P[HEADING, HEADING_ERROR]
@@ -369,16 +260,16 @@ def _located(mean: Any, P: Any, said: pose.Packet, first: Any) -> tuple[Any, Any
     return mean, P
 
 
-def _gain(P: Any, row: Measurement) -> tuple[Any, Any]:
+def gain(P: Any, row: Measurement) -> tuple[Any, Any]:
     """P H' and S = H P H' + R of a scalar measurement."""
-    H = ca.SX(STATES, 1)
+    H = ca.SX(P.shape[0], 1)
     for i, value in row.row.items():
         H[i] = value
     c = P @ H
     return c, ca.fmax(ca.dot(H, c), 0) + row.variance
 
 
-def _update(
+def updated(
     P: Any, d: Any, row: Measurement, innovation: Any, weight: Any
 ) -> tuple[Any, Any, Any, Correction]:
     """Add a linear scalar measurement to a correction d that has not been applied yet.
@@ -388,57 +279,11 @@ def _update(
     d, P, nis, step
         Including the measurement where weight is 1.
     """
-    c, S = _gain(P, row)
+    c, S = gain(P, row)
     rest = innovation - sum(value * d[i] for i, value in row.row.items())
     share = weight / S
     step = Correction(row.row, c, share * rest, -share)
     return d + share * rest * c, symmetric(P - share * (c @ c.T)), share * rest**2, step
-
-
-def _split(column: Any) -> list[Any]:
-    return [column[i] for i in range(column.numel())]
-
-
-def heave_of(x: Symbols) -> Heave:
-    """The platform's depth, from the states."""
-    return waves.heave_of(_split(x.heave))
-
-
-def _changes(phi: Mapping[tuple[int, int], Any], mean: Any) -> tuple[Any, tuple[Any, Any, Any]]:
-    """Expected changes of g_z, and of p + g, north and east, and ψ + e_ψ, in a transition."""
-    change: list[Any] = [ca.SX(0)] * STATES
-    for (i, j), value in phi.items():
-        change[i] += (value - (i == j)) * mean[j]
-    return change[VERTICAL_ERROR], waves.causes(change)
-
-
-def _waves_later(
-    p: Symbols, x: Symbols, mean: Any, dt: Any, phi: Mapping[tuple[int, int], Any],
-    drift: tuple[Any, Any, Any],
-) -> tuple[Heave, Swing]:
-    """Heave and swing after dt."""
-    sunk, moved = _changes(phi, mean)
-    return (
-        waves.heave_later(ca, p, heave_of(x), dt, sunk, drift[2]),
-        waves.swing_later(ca, p, waves.swing_of(_split(x.swing)), dt, moved, drift[:2]),
-    )
-
-
-def _waves_reported(
-    p: Symbols, before: tuple[Heave, Swing], said: pose.Packet, angle: Any, floating: Any,
-    posing: Any,
-) -> tuple[Heave, Swing]:
-    """Heave and swing after a packet, if ψ + e_ψ is about `angle`."""
-    heave, swing = before
-    down = waves.down_after(ca, p, heave, said.pose.own, _split(said.arm))
-    at: list[Any] = [ca.SX(0)] * STATES
-    at[HEADING] = angle
-    rows = surroundings.places(ca, p, at, _split(said.body), said.heading_variance)
-    place, lever = _split(said.place), said.body[2]
-    return (
-        waves.heaved(heave, down, said.pose.down, floating),
-        waves.swung(at, rows, place, lever, swing, posing),
-    )
 
 
 def _floated(
@@ -449,13 +294,13 @@ def _floated(
     It corrects g_z alone: what other states have in common with g_z, ranges have told them.
     """
     n = VERTICAL_ERROR
-    row = waves.down_after(ca, p, heave, said.pose.own, _split(said.arm))
+    row = waves.down_after(ca, p, heave, said.pose.own, split(said.arm))
     slope = row.row[n]
     gain = weight * slope * P[n, n] / (slope**2 * P[n, n] + row.variance)
     kept = 1 - gain * slope
     mean, P = ca.SX(mean), ca.SX(P)
     mean[n] += gain * (said.pose.down - row.value - slope * mean[n])
-    for i in range(STATES):
+    for i in range(P.shape[0]):
         P[i, n] = P[n, i] = kept * P[n, i]
     return mean, P, Map({(n, n): kept})
 
@@ -464,20 +309,20 @@ def _platform_updated(
     p: Symbols, mean: Any, P: Any, said: pose.Packet, swing: Swing, weight: Any
 ) -> tuple[Any, Any, list[Step]]:
     """Apply what a packet says about the platform as one correction."""
-    x = _split(mean)
-    d = ca.SX.zeros(STATES)
-    body = _split(said.body)
+    x = split(mean)
+    d = ca.SX.zeros(P.shape[0])
+    body = split(said.body)
     spread = P[HEADING, HEADING] + 2 * P[HEADING, HEADING_ERROR] + P[HEADING_ERROR, HEADING_ERROR]
     steps: list[Step] = []
     # Rounding may leave less than 0 of a variance that was very large.
     known = surroundings.places(ca, p, x, body, ca.fmax(spread, 0))
     for i, row in enumerate(waves.places_after(x, known, body[2], swing)):
-        d, P, _, step = _update(P, d, row, said.place[i] - row.value, weight)
+        d, P, _, step = updated(P, d, row, said.place[i] - row.value, weight)
         steps.append(step)
     row = surroundings.heading(ca, p, x)
     off = said.heading - row.value
     wrapped = off - 2 * pi * ca.floor((off + pi) / (2 * pi))
-    d, P, _, step = _update(P, d, row, wrapped, weight * (said.is_own == 0))
+    d, P, _, step = updated(P, d, row, wrapped, weight * (said.is_own == 0))
     mean, P, turn = arc.retract(mean, P, d)
     return mean, P, [*steps, step, turn]
 
@@ -502,20 +347,34 @@ class Heard:
     nis: Any
 
 
-def _range_updated(
+def range_updated(
     p: Symbols, mean: Any, P: Any, said: pose.Packet, swing: Swing, z: Any, weight: Any
 ) -> tuple[Any, Any, Heard, list[Step]]:
     """Apply a range that may be late, along the arc and to second order."""
-    x, lever = _split(mean), said.body[2]
+    x, lever = split(mean), said.body[2]
     moved = replace(
         said.pose, swing=tuple(lever * tilt for tilt in swing.at(x)),
         swing_variance=lever**2 * swing.variance,
     )
-    row = surroundings.range_(ca, p, x, moved, _split(said.arm))
+    row = surroundings.range_(ca, p, x, moved, split(said.arm))
     row = waves.range_after(row, lever, swing)
     bent = arc.bent(arc.about(mean, P), row)
-    c, S = _gain(P, bent)
-    innovation = z - bent.value
+    d, P, heard, step = weighed(p, P, bent, z - bent.value, weight)
+    mean, P, turn = arc.retract(mean, P, d)
+    return mean, P, heard, [step, turn]
+
+
+def weighed(
+    p: Symbols, P: Any, row: Measurement, innovation: Any, weight: Any
+) -> tuple[Any, Any, Heard, Correction]:
+    """The correction by a range that may be late, where weight is 1.
+
+    Returns
+    -------
+    d, P, heard, step
+        The correction of the mean, which is not applied here.
+    """
+    c, S = gain(P, row)
     punctual, other = lateness.densities(p, innovation, S)
     share = punctual / (punctual + other)
     kept = weight * share
@@ -523,11 +382,10 @@ def _range_updated(
     d = kept * innovation * K
     widened = kept * (1 - share) * innovation**2
     P = symmetric(P + (widened - kept * S) * (K @ K.T))
-    step = Correction(bent.row, c, kept * innovation / S, (widened - kept * S) / S**2)
-    mean, P, turn = arc.retract(mean, P, d)
+    step = Correction(row.row, c, kept * innovation / S, (widened - kept * S) / S**2)
     heard = Heard(share, (1 - share) * (innovation < 0), punctual + other,
                   kept * innovation**2 / S)
-    return mean, P, heard, [step, turn]
+    return d, P, heard, step
 
 
 def _output(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Values:
@@ -575,12 +433,12 @@ def outputs(p: Symbols, x: Symbols, state: Any, P: Any, heave: Heave) -> Values:
 
 EQUATIONS = Equations(
     initial=initial,
-    tick=_tick,
+    tick=ticked,
     output=_output,
     iterate=(
         Loop("process", unprocessed, reading(0), inner=(
-            Loop("filter", _pending, _filter, each=bank.STATES),
-            Loop("settle", lambda p, x, u, t: pending(x), _settle),
+            Loop("filter", taking_part, _filter, each=bank.STATES),
+            Loop("settle", lambda p, x, u, t: pending(x), settle_watched),
         )),
         *start.anew(0),
         *bank.loops(KEPT),

@@ -16,7 +16,7 @@ import casadi as ca
 
 from ..equations import Equations, Loop, Symbols, Values
 from ..ports import DEPTH, PING_POSE, RECEPTION
-from . import bank, coupled, start
+from . import bank, coupled, start, taking
 from .estimate import pack, unpack
 from .steps import Delayed, Step, packed, unpacked
 from .surroundings import STATES
@@ -104,7 +104,7 @@ def _steps(p: Symbols, x: Symbols, u: Symbols) -> list[Step]:
 
 def _pending(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Any:
     """Whether a row processes the sample: the last one, with the density that the others find."""
-    return coupled.pending(x) * ca.fmax(x.row == bank.EXTRA, bank.learned(p) * x.ready)
+    return taking.pending(x) * ca.fmax(x.row == bank.EXTRA, bank.learned(p) * x.ready)
 
 
 def _filter(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
@@ -138,7 +138,7 @@ def _turn(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     now = bank.row_of(x, bank.EXTRA)
     P = unpack(now.covariance, STATES)
     new = _Copy(
-        ca.SX(1), x.epoch, coupled.heave_of(x),
+        ca.SX(1), x.epoch, taking.heave_of(x),
         Delayed(now.mean[_KEPT], P[_KEPT, _KEPT], P[_KEPT, :]),
     )
     last = ca.if_else(x.due * (x.turns == 1), new.numbers, followed.numbers)
@@ -186,10 +186,10 @@ EQUATIONS = Equations(
     output=_output,
     iterate=(
         Loop(
-            "process", coupled.unprocessed, coupled.reading(bank.EXTRA),
+            "process", taking.unprocessed, taking.reading(bank.EXTRA),
             inner=(
                 Loop("filter", _pending, _filter, each=bank.STATES),
-                Loop("settle", lambda p, x, u, t: coupled.pending(x), _settle),
+                Loop("settle", lambda p, x, u, t: taking.pending(x), _settle),
                 Loop("turn", lambda p, x, u, t: x.turns, _turn),
             ),
         ),

@@ -8,6 +8,7 @@ take their shares of it, σ_β²/σ_B² and σ_κ²ρ/σ_B².
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -18,6 +19,7 @@ from . import bank, least_squares
 from .estimate import pack, unpack
 from .least_squares import adjugate, reciprocal, symmetric
 from .measurements import DEPTH, Samples, distance, with_beacons
+from .ping import LEAST_ARRIVAL_STD, Ping
 from .surroundings import (
     CLOCK,
     DEPTH_BIAS,
@@ -26,7 +28,6 @@ from .surroundings import (
     PLATFORM_VELOCITY,
     POSITION,
     SPEED,
-    STATES,
     VELOCITY,
     VERTICAL_ERROR,
     sounding_variance,
@@ -40,7 +41,7 @@ _LEAST_OFFSET_STD = 1e-3
 
 ALL, CHALLENGER, TAKEN = 1, 2, 3
 """Which filters begin: all at the fix, only the challenger, or all where the challenger is."""
-_FIXED = 20
+_FIXED = 21
 """Numbers of a `_Fixed`."""
 
 
@@ -61,21 +62,24 @@ def begun(x: Symbols, anew: Any) -> Values:
     }
 
 
-def anew(row: int) -> tuple[Loop, Loop]:
+def anew(row: int, ping: Ping | None = None) -> tuple[Loop, Loop]:
     """Loops that compute the diver from the latest receptions, and begin all filters there.
 
     Parameters
     ----------
     row
         The filter of the bank that knows where the platform is.
+    ping
+        States that all ranges of a ping share, if the filters have them.
     """
 
     def step(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
-        return _pass(p, x, u, x.mean[row, :].T)
+        return _pass(p, x, u, x.mean[row, :].T, ping)
 
     def begin(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
         mean, covariance = _joined(
-            p, x.every.mean[row, :].T, x.every.covariance[row, :].T, _fixed(x.fixed)
+            p, x.every.mean[row, :].T, x.every.covariance[row, :].T, _fixed(x.fixed),
+            x.platform_down, ping,
         )
         taken = x.beginning == TAKEN
         anew = x.beginning == ALL
@@ -135,13 +139,15 @@ class Offset:
     ----------
     variance
         Prior [m²].
-    clock, speed
-        Shares of the offset, once it is known, due to β [1] and κ [1/m].
+    clock, speed, ping
+        Shares of the offset, once it is known, due to β [1], κ [1/m], and to what the ranges of a
+        ping share besides [1].
     """
 
     variance: Any
     clock: Any
     speed: Any
+    ping: Any
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,12 +177,16 @@ class Fix:
     lean: Any
 
 
-def _offset(p: Symbols, length: Any) -> Offset:
+def _offset(p: Symbols, length: Any, ping: Ping | None) -> Offset:
     """The common offset of ranges of a given length [m]: β + κ length."""
     speed = p.sound_speed_std**2 * length
     variance = p.clock_std**2 + speed * length + _LEAST_OFFSET_STD**2
+    common = ca.SX(0)
+    if ping:
+        common = ping.variance(p)
+        variance += common + ping.late_together(p) * _late_variance(p)
     share = reciprocal(variance)
-    return Offset(variance, p.clock_std**2 * share, speed * share)
+    return Offset(variance, p.clock_std**2 * share, speed * share, common * share)
 
 
 def _fit(position: Any, platform: Any, s: Samples, weight: Any, prior: Any) -> Fix:
@@ -215,6 +225,11 @@ def _fit(position: Any, platform: Any, s: Samples, weight: Any, prior: Any) -> F
     )
 
 
+def _late_variance(p: Symbols) -> Any:
+    """Mean square of what late ranges are late by, over all ranges [m²]."""
+    return 2 * p.outlier_probability * p.outlier_mean**2
+
+
 def _lateness(p: Symbols, s: Samples, motion: Any) -> Any:
     """Added variance of possibly late ranges, 2πm², if three or more share about one time [m²].
 
@@ -222,7 +237,7 @@ def _lateness(p: Symbols, s: Samples, motion: Any) -> Any:
     after another, most of their noise is the diver's unknown `motion` [m] in between.
     """
     together = ca.sum1(s.heard[:DEPTH] * (motion[:DEPTH] < p.range_std)) >= 3
-    return together * (2 * p.outlier_probability * p.outlier_mean**2)
+    return together * _late_variance(p)
 
 
 @dataclass(frozen=True, slots=True)
@@ -257,27 +272,33 @@ class _Fixed:
         return ca.vertcat(
             self.position, pack(self.information), self.value, self.alone, self.lean, self.doubt,
             self.depth_weight, self.near,
-            self.offset.variance, self.offset.clock, self.offset.speed,
+            self.offset.variance, self.offset.clock, self.offset.speed, self.offset.ping,
         )
 
 
 def _fixed(numbers: Any) -> _Fixed:
     return _Fixed(
         numbers[:3], unpack(numbers[3:9], 3), numbers[9], numbers[10], numbers[11:14],
-        numbers[14], numbers[15], numbers[16], Offset(numbers[17], numbers[18], numbers[19]),
+        numbers[14], numbers[15], numbers[16],
+        Offset(numbers[17], numbers[18], numbers[19], numbers[20]),
     )
 
 
-def _pass(p: Symbols, x: Symbols, u: Symbols, mean: Any) -> Values:
+def _pass(p: Symbols, x: Symbols, u: Symbols, mean: Any, ping: Ping | None) -> Values:
     s = _placed(x, u, mean)
     begins = x.passes == least_squares.PASSES
     position = ca.if_else(begins, least_squares.closed_form(s), x.fix)
     platform = ca.vertcat(mean[list(PLATFORM)], x.platform_down - mean[VERTICAL_ERROR])
-    offset = _offset(p, distance(position, platform.T)[0])
+    offset = _offset(p, distance(position, platform.T)[0], ping)
     prior = reciprocal(offset.variance)
     motion = p.prior_velocity_std * (s.newest - s.epoch)
+    late = _lateness(p, s, motion)
+    noise = sounding_variance(p.range_std)
+    if ping:
+        late = late * (1 - ping.late_together(p))
+        noise = sounding_variance(p.range_std, LEAST_ARRIVAL_STD)
     variances = ca.vertcat(
-        ca.repmat(sounding_variance(p.range_std) + _lateness(p, s, motion), s.count, 1),
+        ca.repmat(noise + late, s.count, 1),
         sounding_variance(p.depth_std) + p.depth_bias_std**2,
     )
     weight = least_squares.weights(s, variances + motion**2)
@@ -307,39 +328,66 @@ def _pass(p: Symbols, x: Symbols, u: Symbols, mean: Any) -> Values:
     }
 
 
-def _joined(p: Symbols, before: Any, covariance: Any, fix: _Fixed) -> tuple[Any, Any]:
+def _joined(
+    p: Symbols, before: Any, covariance: Any, fix: _Fixed, platform_down: Any, ping: Ping | None
+) -> tuple[Any, Any]:
     """The diver from a fix, the platform from the filter before: mean and packed covariance.
 
-    Besides the fix's own error, the diver moves with the platform and rotates with its heading.
+    Besides the fix's own error, the diver moves with the platform and rotates with its heading, and
+    around it as the beacons tilt.
     """
-    offset, doubt, depth_weight = fix.offset, fix.doubt, fix.depth_weight
+    offset, doubt = fix.offset, fix.doubt
     y = fix.position[:2] - before[list(PLATFORM)]
     near = ca.diag(ca.SX([1, 1, 0])) * fix.near
     cofactors, determinant = adjugate(doubt * (fix.information - near) + near)
     own = cofactors / determinant
     parts = {CLOCK: offset.clock, SPEED: offset.speed}
-    P = ca.SX(unpack(covariance, STATES))
+    if ping:
+        parts[ping.common] = offset.ping
+    n_states = before.numel()
+    P = ca.SX(unpack(covariance, n_states))
     sunk = P[VERTICAL_ERROR, VERTICAL_ERROR]
     fresh = {**dict.fromkeys(VELOCITY, p.prior_velocity_std**2), DEPTH_BIAS: p.depth_bias_std**2,
-             CLOCK: p.clock_std**2, SPEED: p.sound_speed_std**2, VERTICAL_ERROR: sunk}
+             CLOCK: p.clock_std**2, SPEED: p.sound_speed_std**2, VERTICAL_ERROR: sunk,
+             **({ping.common: ping.variance(p)} if ping else {})}
     mean = ca.SX(before)
     mean[list(POSITION)] = fix.position
     for i in (*VELOCITY, DEPTH_BIAS, *parts):
         mean[i] = parts.get(i, 0) * fix.value
 
-    kept = [i for i in range(STATES) if i not in (*POSITION, *fresh)]
+    kept = [i for i in range(n_states) if i not in (*POSITION, *fresh)]
     for i in (*POSITION, *fresh):
-        for j in range(STATES):
+        for j in range(n_states):
             P[i, j] = P[j, i] = fresh.get(i, 0) if i == j else 0
     along = ca.SX(2, len(kept))  # derivatives of the diver's north and east by the kept states
     for n in range(2):
         along[n, kept.index(PLATFORM[n])] = 1
     along[0, kept.index(HEADING)], along[1, kept.index(HEADING)] = -y[1], y[0]
+    if ping:
+        deep = fix.position[2] - platform_down
+        for state, shift in ping.swung(y, deep, before[HEADING], ca).items():
+            along[:, kept.index(state)] = shift
     crossing = along @ P[kept, kept]
     P[list(POSITION), list(POSITION)] = own
     P[list(POSITION[:2]), list(POSITION[:2])] += crossing @ along.T
     P[list(POSITION[:2]), kept] = crossing
     P[kept, list(POSITION[:2])] = crossing.T
+    _correlate(p, P, own, fix, parts)
+    return mean, pack(symmetric(P))
+
+
+def _correlate(p: Symbols, P: Any, own: Any, fix: _Fixed, parts: Mapping[int, Any]) -> None:
+    """Add to P what the fix makes of the errors of its samples.
+
+    Parameters
+    ----------
+    own
+        Covariance of the fix's own error, (3, 3) [m²].
+    parts
+        Shares of the common offset by state.
+    """
+    offset, doubt, depth_weight = fix.offset, fix.doubt, fix.depth_weight
+    sunk = P[VERTICAL_ERROR, VERTICAL_ERROR]
     # Errors. Offset: -lean' times the error of the position, plus what its own residuals leave.
     # Position: the sensor's bias, through the depth reading, and the platform's depth. An error
     # common to the platform and the reading would be the diver's. Clock and speed: their shares of
@@ -361,4 +409,3 @@ def _joined(p: Symbols, before: Any, covariance: Any, fix: _Fixed) -> tuple[Any,
         P[i, DEPTH_BIAS] = P[DEPTH_BIAS, i] = -part * ca.dot(fix.lean, by_bias)
         for j, other in parts.items():
             P[i, j] += part * other * (learnt + sunk * tilted**2)
-    return mean, pack(symmetric(P))

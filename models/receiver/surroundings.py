@@ -94,11 +94,14 @@ class Range(Measurement):
         ℓ, from the platform's reference point to the beacon, NED [m].
     distance
         ρ [m].
+    tilts
+        Negative derivatives with respect to roll and pitch [m].
     """
 
     u: Sequence[Any]
     arm: Sequence[Any]
     distance: Any
+    tilts: Sequence[Any]
 
 
 def prior_stds(p: Any) -> dict[int, Any]:
@@ -226,9 +229,9 @@ def crescent(m: Any, radius: Any, spread: Any, depth: Any) -> tuple[Any, Any, An
     return once, 0.5 * (1 + twice) - m.exp(-s), 0.5 * (1 - twice) - s
 
 
-def sounding_variance(std: Any) -> Any:
+def sounding_variance(std: Any, least: float = LEAST_SOUNDING_STD) -> Any:
     """Variance of a range or depth for a standard deviation, not below the least one [m²]."""
-    return (0.5 * (std + LEAST_SOUNDING_STD + absolute(std - LEAST_SOUNDING_STD))) ** 2
+    return (0.5 * (std + least + absolute(std - least))) ** 2
 
 
 def depth(p: Any, x: Sequence[Any]) -> Measurement:
@@ -301,13 +304,18 @@ def _arms(
     )
 
 
-def range_(m: Any, p: Any, x: Sequence[Any], pose: Pose, body: Sequence[Any]) -> Range:
+def range_(
+    m: Any, p: Any, x: Sequence[Any], pose: Pose, body: Sequence[Any],
+    least: float = LEAST_SOUNDING_STD,
+) -> Range:
     """A range to a beacon.
 
     Parameters
     ----------
     body
         Nominal position of the beacon in the body frame [m].
+    least
+        Smallest standard deviation of a range [m].
     """
     arm, by_roll, by_pitch = _arms(m, x, pose, body)
     o = (x[0] - x[PLATFORM[0]] - arm[0] - pose.swing[0],
@@ -318,7 +326,8 @@ def range_(m: Any, p: Any, x: Sequence[Any], pose: Pose, body: Sequence[Any]) ->
     per_metre = stretch / distance
     u = tuple(per_metre * a for a in o)
 
-    slope = sum((u[0] * v[0] + u[1] * v[1] + u[2] * v[2]) ** 2 for v in (by_roll, by_pitch))
+    tilts = tuple(u[0] * v[0] + u[1] * v[1] + u[2] * v[2] for v in (by_roll, by_pitch))
+    slope = sum(v**2 for v in tilts)
     lifted = pose.own * (body[0] ** 2 + body[1] ** 2) * p.imu_tilt_std**2
     return Range(
         value=stretch * distance + x[CLOCK],
@@ -330,10 +339,11 @@ def range_(m: Any, p: Any, x: Sequence[Any], pose: Pose, body: Sequence[Any]) ->
             SPEED: distance,
             VERTICAL_ERROR: u[2],
         },
-        variance=sounding_variance(p.range_std) + pose.tilt_variance * slope
+        variance=sounding_variance(p.range_std, least) + pose.tilt_variance * slope
         + (u[0] ** 2 + u[1] ** 2) * pose.swing_variance
         + u[2] ** 2 * (p.gps_vertical_std**2 + lifted),
         u=u,
         arm=arm,
         distance=distance,
+        tilts=tilts,
     )

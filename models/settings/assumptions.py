@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from ..acoustics.contents import PLACED
@@ -113,6 +113,15 @@ SOURCES: Mapping[str, Sequence[str]] = {
         "platform.imu_tilt_turn_on_std_deg", "platform.imu_tilt_markov_std_deg",
         "platform.misalignment_tilt_std_deg", *_ANGLES,
     ),
+    "imu_tilt_noise_std_deg": ("platform.imu_tilt_std_deg", *_ANGLES),
+    "imu_tilt_error_std_deg": (
+        "platform.imu_tilt_bias_deg", "platform.imu_tilt_turn_on_std_deg",
+        "platform.imu_tilt_markov_std_deg", "platform.misalignment_tilt_std_deg",
+        "platform.imu_tilt_std_deg", "platform.roll_amplitude_deg",
+        "platform.pitch_amplitude_deg", *_WAVES, *_ANGLES,
+    ),
+    "range_common_std_m": ("acoustics.range_common_std_m", "acoustics.ranging"),
+    "arrivals_shared": ("acoustics.arrivals_shared",),
     "outlier_probability": (
         "acoustics.outlier_probability", "acoustics.outlier_mean_m", "acoustics.loss_probability",
         "acoustics.surface_echo_probability", "acoustics.bottom_echo_probability",
@@ -210,11 +219,9 @@ def assumed(
         **_tilt(platform),
         "imu_heading_std_deg": _with(turn, platform.imu_heading_std_deg),
         **_heading_error(platform),
-        "imu_tilt_std_deg": _with(
-            tilt, platform.imu_tilt_std_deg, platform.imu_tilt_bias_deg,
-            platform.imu_tilt_turn_on_std_deg, platform.imu_tilt_markov_std_deg,
-            platform.misalignment_tilt_std_deg,
-        ),
+        **_tilt_error(platform, tilt),
+        "range_common_std_m": common_noise(acoustics),
+        "arrivals_shared": acoustics.arrivals_shared,
         "outlier_probability": greatest(
             late(outliers, acoustics), _LEAST_OUTLIER_PROBABILITY
         ),
@@ -230,9 +237,18 @@ def assumed(
     }
 
 
+def knowledge(parameters: Collection[str]) -> dict[str, bool]:
+    """What a receiver with these parameters knows, as arguments of `levels`."""
+    return {
+        "estimates_clock": "clock_std" in parameters,
+        "knows_arrangement": "beacon_offset" in parameters,
+        "knows_pings": "range_common_std" in parameters,
+    }
+
+
 def levels(
     system: Mapping[str, Any], target: Any, platform: Any, acoustics: Any, *,
-    estimates_clock: bool, knows_arrangement: bool,
+    estimates_clock: bool, knows_arrangement: bool, knows_pings: bool,
 ) -> dict[str, Any]:
     """Noise levels and assumptions given to a receiver, limited to what the receiver accepts.
 
@@ -247,8 +263,13 @@ def levels(
     knows_arrangement
         Whether the receiver is given the arrangement. If so, misplaced beacons count as range
         noise.
+    knows_pings
+        Whether the receiver knows what the arrivals of a ping share. If not, that counts as range
+        noise.
     """
     noise = range_noise(acoustics)
+    if not knows_pings:
+        noise = with_common(noise, acoustics)
     if not estimates_clock:
         noise = hypot(noise, system.get("clock_std_m", 0.0))
     if knows_arrangement:
@@ -266,6 +287,17 @@ def range_noise(acoustics: Any) -> Any:
         return acoustics.range_std_m
     late = acoustics.assumed_sound_speed_m_s / 2 * acoustics.turnaround_std_s
     return hypot(acoustics.range_std_m, late)
+
+
+@branching
+def common_noise(acoustics: Any) -> Any:
+    """Standard deviation of what all arrivals of a ping share [m]."""
+    return acoustics.range_common_std_m if acoustics.ranging in INVERTED else 0.0
+
+
+def with_common(noise: Any, acoustics: Any) -> Any:
+    """Standard deviation of a range's noise, with what it shares with others of its ping [m]."""
+    return _with(common_noise(acoustics), noise)
 
 
 @branching
@@ -335,6 +367,29 @@ def _heading_error(platform: Any) -> dict[str, Any]:
         "imu_heading_error_std_deg": hypot(slow, markov),
         # A constant part outlasts one that changes.
         **_known("imu_heading_error_time_s", markov > slow, platform.imu_correlation_time_s),
+    }
+
+
+def _tilt_error(platform: Any, rounded: Any) -> dict[str, Any]:
+    """All errors of the IMU's roll and pitch; the white one; and the lasting one of the beacons.
+
+    Of a lasting error of the IMU, the share arrives at the beacons that the receiver trusts it; see
+    `sblcosim.models.receiver.surroundings.tilt`.
+    """
+    noise = _with(rounded, platform.imu_tilt_std_deg)
+    lasting = hypot(platform.imu_tilt_bias_deg, platform.imu_tilt_turn_on_std_deg,
+                    platform.imu_tilt_markov_std_deg)
+    own, white = square(_tilt(platform)["tilt_std_deg"]), square(noise)
+    moves = own > 0
+    trust = where(moves, own, 0.0) / where(moves, own + white, 1.0)
+    return {
+        "imu_tilt_std_deg": _with(
+            rounded, platform.imu_tilt_std_deg, platform.imu_tilt_bias_deg,
+            platform.imu_tilt_turn_on_std_deg, platform.imu_tilt_markov_std_deg,
+            platform.misalignment_tilt_std_deg,
+        ),
+        "imu_tilt_noise_std_deg": noise,
+        "imu_tilt_error_std_deg": hypot(trust * lasting, platform.misalignment_tilt_std_deg),
     }
 
 

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from ..declaration import Component
-from .assumptions import range_noise
+from .assumptions import range_noise, with_common
 from .keys import in_si
 
 STOCHASTIC = "white_noise_acceleration"
@@ -53,7 +53,10 @@ def of_model(
     if tables.receiver.prior is not None:
         keys["initialisation"] = "prior"
     values = of_receiver(receiver, keys)
-    values["range_std"] = range_noise(acoustics) / share**0.5
+    noise = range_noise(acoustics)
+    if "range_common_std" not in values:
+        noise = with_common(noise, acoustics)
+    values["range_std"] = noise / share**0.5
     values["depth_std"] = target.depth_std_m
     if target.trajectory == STOCHASTIC:
         values["acceleration_psd"] = target.acceleration_psd_m2_s3

@@ -12,7 +12,7 @@ from typing import Any
 
 from .. import RECEIVERS, declared
 from ..declaration import Component, Variable
-from .assumptions import PARAMETERS, assumed, clock, levels
+from .assumptions import PARAMETERS, assumed, clock, knowledge, levels
 from .either import where
 from .expression import Expression, computed, inputs_of, ordered, symbol
 from .keys import OF_RECEIVERS, in_si
@@ -134,14 +134,13 @@ def _filled(platform: Component) -> _Values:
 
 # --- What receivers are told ---------------------------------------------------------------------
 
-_Kind = tuple[bool, bool, bool]
-"""What decides what a receiver is told: whether it estimates the clock, knows the arrangement, and
-has any assumption at all (`sblcosim.models.settings.assumptions.levels`)."""
+_Kind = tuple[tuple[str, bool], ...]
+"""What decides what a receiver is told: what it knows, and whether it has any assumption."""
 
 
 def _kind(component: Component) -> _Kind:
     names = {v.name for v in component.of("parameter")}
-    return "clock_std" in names, "beacon_offset" in names, not PARAMETERS.isdisjoint(names)
+    return *knowledge(names).items(), ("everything", not PARAMETERS.isdisjoint(names))
 
 
 def _told(
@@ -170,11 +169,8 @@ def _told_with(
     systems = {True: assumed(*tables, source), False: clock(acoustics)}
     found: dict[_Kind, dict[str, tuple[Any, ...]]] = {}
     for kind in kinds:
-        estimates_clock, knows_arrangement, everything = kind
-        values = levels(
-            systems[everything], *tables, estimates_clock=estimates_clock,
-            knows_arrangement=knows_arrangement,
-        )
+        known = dict(kind)
+        values = levels(systems[known.pop("everything")], *tables, **known)
         values["update_interval_s"] = update_interval(*map(symbol, _TIMES))
         found[kind] = {
             key: _in_si(OF_RECEIVERS[key], value if OF_RECEIVERS[key].shape else (value,))

@@ -7,11 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from sblcosim.models.acoustics.contents import CONTENTS
+from sblcosim.models.acoustics.ranging import INVERTED
 from sblcosim.models.acoustics.schedules import schedule_of
 from sblcosim.models.declaration import Component
+from sblcosim.models.receiver.receivers.array import COMPONENT as ARRAY
 from sblcosim.models.receiver.receivers.coupled import COMPONENT as COUPLED
 from sblcosim.models.receiver.receivers.long_baseline import COMPONENT as LONG_BASELINE
-from sblcosim.models.settings.assumptions import range_noise
+from sblcosim.models.settings.assumptions import common_noise, range_noise, with_common
 from sblcosim.models.settings.parameters import of_model
 
 from ..scenario.arrangement import has_own_errors
@@ -23,20 +25,32 @@ from .steady import Conditions
 
 Floats = NDArray[np.float64]
 
+_RECEIVERS = {"platform": COUPLED, "field": LONG_BASELINE, "array": ARRAY}
+"""The receiver whose model a bound has."""
+
 
 def parameters(
     scenario: Scenario, acceleration_psd: float | None = None, receiver: Component = COUPLED
 ) -> Any:
     """Parameters of a receiver by name, in SI units, from the scenario's true values.
 
-    ``range_std`` is σ_r/√I with the factor of `fisher_factor`. ``acceleration_psd`` is the target's
-    if its motion is drawn from the model, otherwise the given one.
+    ``range_std`` is σ_r/√I with the factor of `fisher_factor`; ``range_common_std``, where outliers
+    are shared. ``acceleration_psd`` is the target's if its motion is drawn from the model,
+    otherwise the given one.
     """
     a = scenario.acoustics
+    common, noise = common_noise(a), range_noise(a)
+    # Outliers that arrivals share say nothing false about their differences.
+    together = bool(a.arrivals_shared and common and receiver is ARRAY)
     share = fisher_factor(
-        range_noise(a), a.outlier_probability, a.outlier_mean_m, a.outlier_distribution
+        common if together else noise if receiver is ARRAY else with_common(noise, a),
+        a.outlier_probability, a.outlier_mean_m, a.outlier_distribution,
     )
-    return of_model(receiver, scenario.assumptions(), scenario, share, acceleration_psd)
+    of_each = 1.0 if together else share
+    found = of_model(receiver, scenario.assumptions(), scenario, of_each, acceleration_psd)
+    if together:
+        found.range_common_std = common / share**0.5
+    return found
 
 
 def model_of(
@@ -53,10 +67,11 @@ def model_of(
     """
     own_errors = has_own_errors(scenario.platform)
     a = scenario.acoustics
+    name = "field" if own_errors else "array" if a.ranging in INVERTED else "platform"
     return ReceiverModel(
-        "field" if own_errors else "platform",
-        parameters(scenario, acceleration_psd, LONG_BASELINE if own_errors else COUPLED),
+        name, parameters(scenario, acceleration_psd, _RECEIVERS[name]),
         {
+            "pings": 1.0,
             "speed": a.assumed_sound_speed_m_s / a.sound_speed_m_s - 1,
             "own_beacon": own_beacon and not own_errors,
             "known_start": scenario.receiver.initialisation == "prior" or scenario.true_prior,
@@ -94,7 +109,8 @@ def conditions(scenario: Scenario, acceleration_psd: float | None = None) -> Con
         q of the path [m²/s³], see `path_psd`; None: the target's if its motion is drawn from the
         model, otherwise 0.01.
     """
-    p = parameters(scenario, acceleration_psd)
+    inverted = scenario.acoustics.ranging in INVERTED
+    p = parameters(scenario, acceleration_psd, ARRAY if inverted else COUPLED)
     beacons = beacons_of(p)
     return Conditions(
         range_std=p.range_std,
@@ -108,4 +124,5 @@ def conditions(scenario: Scenario, acceleration_psd: float | None = None) -> Con
         heading_std=p.imu_heading_error_std,
         heading_noise_std=p.imu_heading_std,
         together=schedule_of(scenario.acoustics).together(len(beacons)),
+        ping_std=common_noise(scenario.acoustics),
     )

@@ -105,6 +105,9 @@ def covariances(
         epochs_of(scenario, model, span_s[1], sequence) for sequence in _sequences(scenario)
     ]
     epochs = sequences[0]
+    # What a ping has of its own averages out over the pings of an epoch.
+    pings = {"pings": max(float(epochs.heard.mean()), 1e-3)}
+    model = replace(model, situation={**model.situation, **pings})
     end_s = np.cumsum(epochs.readings) * scenario.acoustics.sampling_time_s
     late = np.flatnonzero(end_s >= span_s[0])
     late = late if len(late) else np.array([len(end_s) - 1])

@@ -35,6 +35,8 @@ class Conditions:
         Number N of beacons.
     together
         Number of beacons that ping in the same slot.
+    ping_std
+        Standard deviation of what all ranges of a slot share [m].
     slot
         T, time between packets and between depth readings [s].
     loss
@@ -59,6 +61,7 @@ class Conditions:
     heading_std: float = 0.0
     heading_noise_std: float = 0.0
     together: int = 1
+    ping_std: float = 0.0
 
     @property
     def slots(self) -> float:
@@ -111,6 +114,8 @@ def closed_form(offset: ArrayLike, conditions: Conditions) -> ClosedForm:
     with np.errstate(divide="ignore", invalid="ignore"):
         fix_cross = c.range_std * distance / np.sqrt(c.spread)
         fix_radial = c.range_std * distance / (np.sqrt(c.beacons) * reach)
+        if c.ping_std:
+            fix_radial = np.hypot(fix_radial, c.ping_std * distance / reach)
     fix_cross, fix_radial = (np.nan_to_num(f, nan=0.0, posinf=np.inf)
                              for f in (fix_cross, fix_radial))
     heading = (reach * c.heading_noise_std) ** 2 / c.slots

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from sblcosim.models import RECEIVERS
+from sblcosim.models.acoustics.ranging import INVERTED
+from sblcosim.models.receiver.receiver import ReceiverDeclaration
 from sblcosim.models.receiver.receivers import FOUND
 from sblcosim.models.settings.beacons import beacons_of
 
@@ -102,10 +104,32 @@ def _of_arrangement(scenario: Scenario) -> Iterator[str]:
 
 
 def _of_receivers(scenario: Scenario, chosen: Mapping[str, Source]) -> Iterator[str]:
-    """Receivers for beacons with errors of another kind than the scenario's."""
+    """Receivers for beacons with errors of another kind than the scenario's, or for other ranges.
+    """
     platform = scenario.platform
     beacons = alike("errors", id(platform), lambda: arrangement.errors_of(platform), platform)
     for label, source in chosen.items():
         declared = FOUND.get(source) if isinstance(source, str) else of_fmu(source)
-        if declared is not None and beacons is not None and beacons in declared.unfit:
-            yield f"receiver {label}: is for {declared.purpose}; here {declared.unfit[beacons]}"
+        if declared is None:
+            continue
+        what = declared.unfit.get(beacons) if beacons is not None else None
+        if what is None and isinstance(source, str):
+            what = _of_pings(scenario, declared)
+        if what is not None:
+            yield f"receiver {label}: is for {declared.purpose}; here {what}"
+
+
+def _of_pings(scenario: Scenario, declared: ReceiverDeclaration) -> str | None:
+    """What is wrong with one of our receivers for what arrivals of a ping share."""
+    acoustics = scenario.acoustics
+    if acoustics.fmu is not None:
+        return None
+    inverted = acoustics.ranging in INVERTED
+    names = {v.name for v in declared.component.of("parameter")}
+    if "range_common_std" in names:
+        return None if inverted else "no array hears a ping of the diver: try coupled"
+    claims = "clock_std" in names  # others are for comparisons, or take no errors of a system
+    if claims and inverted and acoustics.range_common_std_m > acoustics.range_std_m:
+        where = scenario.where("acoustics", "range_common_std_m")
+        return f"all arrivals of a ping share most of their error ({where}): try array"
+    return None

@@ -199,6 +199,10 @@ SOURCES: Mapping[str, Source] = {
             "timing", "the resolution of arrival times",
             (Part(("acoustics.range_resolution_m",)),),
         ),
+        Source(
+            "ping", "what all arrivals of a ping share",
+            (Part(("acoustics.range_common_std_m",)),),
+        ),
         Source("outliers", FOUND["outliers"].words, (Part(("acoustics.outlier_probability",)),)),
         Source("packet loss", "packet loss", (Part(("acoustics.loss_probability",)),)),
         Source(

@@ -106,6 +106,9 @@ LIKES: Mapping[str, Like] = {
     "water-linked": Like(
         "four receivers hung off a boat at different depths; the diver's locator pings", _BOAT
     ),
+    "usbl": Like(
+        "hydrophones a few centimetres apart under a boat; the diver's locator pings", "usbl-boat"
+    ),
     "buoys": Like("buoys around the dive, each with a GPS of its own", "gps-buoys"),
     "lbl": Like("beacons on the bottom, far apart", "harbour-lbl"),
     "paper": Like("the paper's floating cross of four beacons", "paper-scenario-1"),

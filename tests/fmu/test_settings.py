@@ -184,7 +184,7 @@ def of_python(drawn: Settings) -> Elements:
             everything = not assumptions.PARAMETERS.isdisjoint(names)
             told = assumptions.levels(
                 known if everything else assumptions.clock(drawn.acoustics), *tables,
-                estimates_clock="clock_std" in names, knows_arrangement="beacon_offset" in names)
+                **assumptions.knowledge(names))
             told = {**told, "update_interval_s": times.update_interval(
                 drawn.time.sampling_time_s, drawn.time.ekf_ratio)}
         for v in parameters:

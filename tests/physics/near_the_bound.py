@@ -34,12 +34,14 @@ class Found:
         return self.ratio < 1.1 + 2 * self.error
 
 
-def found_in(scenario: sblcosim.Scenario, runs: int, **varied: Any) -> Found:
+def found_in(
+    scenario: sblcosim.Scenario, runs: int, receiver: str = "coupled", **varied: Any
+) -> Found:
     """Many runs of a scenario with motion from the model, each with its own seed."""
-    plan = resolve(connect(scenario, "coupled"))
+    plan = resolve(connect(scenario, receiver))
     outcome = simulated(plan, runs, False, TRUTH, **varied)
-    rms, nees, lost = judged(plan, outcome)
-    table = responses(outcome.sums["coupled"], plan.stop_ns - plan.start_ns)
+    rms, nees, lost = judged(plan, outcome, receiver)
+    table = responses(outcome.sums[receiver], plan.stop_ns - plan.start_ns)
     of_runs: NDArray[np.float64] = np.asarray(table.absolute_total_rms_m) ** 2
     error = float(of_runs.std() / np.sqrt(runs) / (2 * rms**2))
     bound = float(np.sqrt(np.mean([

@@ -48,9 +48,11 @@ def simulated(
     return execute(plan, given, handovers=prior, record=record)
 
 
-def judged(plan: Plan, outcome: RunsOutcome) -> tuple[float, float, float]:
+def judged(
+    plan: Plan, outcome: RunsOutcome, receiver: str = "coupled"
+) -> tuple[float, float, float]:
     """RMS error [m] over the runs, mean NEES, and share of lost runs."""
-    table = responses(outcome.sums["coupled"], plan.stop_ns - plan.start_ns)
+    table = responses(outcome.sums[receiver], plan.stop_ns - plan.start_ns)
     rms = pooled(table.absolute_total_rms_m)
     return rms, float(table.nees_position.mean()), float(table.lost.mean())
 

@@ -17,7 +17,7 @@ from sblcosim.models.settings.keys import OF_RECEIVERS, default, in_si, start_of
 
 ANGLE = parameter("turn", "An angle", "rad", start=math.radians(30), min=0.0, max=math.pi,
                   named={"free": -1.0, "locked": 9.0})  # fmt: skip
-LEARN = ("coupled", "fixed_lag", "long_baseline")
+LEARN = ("coupled", "fixed_lag", "long_baseline", "array")
 KEY = "acceleration_psd_m2_s3"
 
 

@@ -23,6 +23,7 @@ from sblcosim.models.acoustics.ranging import RANGINGS
 from sblcosim.models.acoustics.schedules import SCHEDULES
 from sblcosim.models.declaration import Variable
 from sblcosim.models.platform.variables import MOTION
+from sblcosim.models.receiver.receivers.array import COMPONENT as ARRAY
 from sblcosim.models.receiver.receivers.coupled import COMPONENT as COUPLED
 from sblcosim.models.receiver.receivers.long_baseline import COMPONENT as LONG_BASELINE
 from sblcosim.models.settings import (
@@ -93,8 +94,8 @@ def _levels(t: Tables) -> Any:
     system = assumptions.assumed(t.target, t.platform, t.acoustics)
     return [
         assumptions.levels(system, t.target, t.platform, t.acoustics, estimates_clock=clock,
-                           knows_arrangement=arrangement)
-        for clock in (True, False) for arrangement in (True, False)
+                           knows_arrangement=arrangement, knows_pings=pings)
+        for clock in (True, False) for arrangement in (True, False) for pings in (True, False)
     ]
 
 
@@ -111,7 +112,7 @@ def _of_receiver(t: Tables) -> Any:
 def _of_model(t: Tables) -> Any:
     return [
         vars(parameters.of_model(receiver, told, t, t.acoustics.loss_probability + 0.1, psd))
-        for receiver in (COUPLED, LONG_BASELINE) for told in _levels(t)[:1]
+        for receiver in (COUPLED, LONG_BASELINE, ARRAY) for told in _levels(t)[:1]
         for psd in (None, t.target.speed_m_s)
     ]
 
@@ -132,6 +133,9 @@ TRIED: Mapping[str, Callable[[Tables], Any]] = {
     "assumptions.assumed": _assumed,
     "assumptions.levels": _levels,
     "assumptions.clock": lambda t: assumptions.clock(t.acoustics),
+    "assumptions.common_noise": lambda t: assumptions.common_noise(t.acoustics),
+    "assumptions.with_common": lambda t: assumptions.with_common(
+        t.target.speed_m_s, t.acoustics),
     "assumptions.lasting_delay": lambda t: assumptions.lasting_delay(t.acoustics),
     "assumptions.mounting_noise": lambda t: assumptions.mounting_noise(t.platform, t.acoustics),
     "assumptions.range_noise": lambda t: assumptions.range_noise(t.acoustics),
@@ -179,9 +183,9 @@ TRIED: Mapping[str, Callable[[Tables], Any]] = {
 }
 """Every setting function of real numbers, as a function of the tables of a scenario."""
 CHOICES = {
-    "beacons.arranged", "either.symbolic", "keys.default", "keys.is_list", "keys.start_of",
-    "keys.starts", "motion.is_sine", "packets.pose_source", "packets.resolutions", "paths.counts",
-    "presets.preset",
+    "assumptions.knowledge", "beacons.arranged", "either.symbolic", "keys.default", "keys.is_list",
+    "keys.start_of", "keys.starts", "motion.is_sine", "packets.pose_source", "packets.resolutions",
+    "paths.counts", "presets.preset",
 }
 """Those that take names, whole numbers and declarations only, or ask how many there are."""
 OF_EXPRESSIONS = ("exact", "expression", "names", "start_values")
@@ -366,7 +370,7 @@ target, platform, acoustics = (
 vars(platform).update(presets.preset("gps_grade", "rtk_fixed"))
 found = assumptions.levels(
     assumptions.assumed(target, platform, acoustics), target, platform, acoustics,
-    estimates_clock=False, knows_arrangement=True)
+    estimates_clock=False, knows_arrangement=True, knows_pings=False)
 print(parameters.of_receiver(COUPLED, found)["gps_std"])
 print(*{"casadi", "numpy", "pydantic", "sblcosim.scenario"} & sys.modules.keys())
 """

@@ -117,7 +117,7 @@ def test_the_errors_of_a_run_are_seen_alone_or_only_with_others() -> None:
     two_way = {f"acoustics.turnaround_{it}_s" for it in ("std", "bias_std", "beacon_std")}
     assert {*KEYS} - wrong() == {
         *MOVING, *spectrum, *echoes, *two_way, "acoustics.clock_sync_age_s",
-        "acoustics.range_resolution_m",
+        "acoustics.range_resolution_m", "acoustics.range_common_std_m",
     }
 
 

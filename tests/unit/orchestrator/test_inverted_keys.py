@@ -69,11 +69,11 @@ def test_a_misaligned_frame_is_an_error_of_heading_and_tilt() -> None:
     exact = load(DIVE).assumptions()
     told = load(DIVE, {"platform.misalignment_tilt_std_deg": 2.0,
                        "platform.misalignment_heading_std_deg": 4.0}).assumptions()
-    for key, more in (("imu_heading_error_std_deg", 4.0), ("imu_tilt_std_deg", 2.0)):
-        assert told[key] == pytest.approx(np.hypot(exact[key], more))
-    assert {k for k in told if told[k] != exact[k]} == {
-        "imu_heading_error_std_deg", "imu_tilt_std_deg",
-    }
+    more = {"imu_heading_error_std_deg": 4.0, "imu_tilt_std_deg": 2.0,
+            "imu_tilt_error_std_deg": 2.0}
+    for key, std in more.items():
+        assert told[key] == pytest.approx(np.hypot(exact[key], std))
+    assert {k for k in told if told[k] != exact[k]} == {*more}
 
 
 def test_surveyed_beacons_in_a_frame_share_its_errors() -> None:

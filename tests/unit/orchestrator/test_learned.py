@@ -30,7 +30,7 @@ from typer.testing import CliRunner
 
 KEY, PSD = "acceleration_psd_m2_s3", "acceleration_psd"
 FULL = f"receiver.{KEY}"
-LEARN = ("coupled", "fixed_lag", "long_baseline")
+LEARN = ("coupled", "fixed_lag", "long_baseline", "array")
 WITH_Q = [name for name, it in RECEIVERS.items() if PSD in {v.name for v in it}]
 SHORT = {"time.duration_s": 8.0}
 TABLES: Mapping[str, Any] = {
@@ -226,7 +226,7 @@ def doubts(scenario: Scenario, receivers: Any) -> list[str]:
     return [str(w.message) for w in caught if "learned" in str(w.message)]
 
 
-IS_FOR = "'learned' is for coupled, fixed_lag and long_baseline; "
+IS_FOR = "'learned' is for coupled, fixed_lag, long_baseline and array; "
 
 
 def test_a_word_that_no_receiver_of_the_run_takes_is_told() -> None:

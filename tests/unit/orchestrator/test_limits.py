@@ -16,6 +16,7 @@ from sblcosim.data.record import Record
 from sblcosim.judge import possible
 from sblcosim.limits import parameters, recursion, unknown, verdict
 from sblcosim.models import COMPONENTS
+from sblcosim.models.receiver.receivers.array import COMPONENT as ARRAY
 from sblcosim.models.receiver.receivers.coupled import COMPONENT as COUPLED
 from sblcosim.models.receiver.receivers.long_baseline import COMPONENT as LONG_BASELINE
 from sblcosim.models.receiver.waves import STATES
@@ -469,7 +470,7 @@ def test_every_error_is_in_the_model_or_named(source: str, ranging: str) -> None
         **({"platform": warm} if source == "realistic-dive" else {}),
     })
     own = has_own_errors(base.platform)
-    receiver = LONG_BASELINE if own else COUPLED
+    receiver = LONG_BASELINE if own else ARRAY if ranging == "inverted" else COUPLED
     known, told = vars(parameters.parameters(base, 0.01, receiver)), unknown.left_out(base)
     assert told == ()
     named = set()

@@ -16,7 +16,7 @@ from sblcosim.results.result import Result
 from sblcosim.scenario.labels import RAW
 
 KEY = "receiver.acceleration_psd_m2_s3"
-LEARN = ("coupled", "fixed_lag", "long_baseline")
+LEARN = ("coupled", "fixed_lag", "long_baseline", "array")
 
 
 def origin(kind: str, q: float | None) -> dict[str, Any]:
