@@ -183,7 +183,8 @@ TRIED: Mapping[str, Callable[[Tables], Any]] = {
 }
 """Every setting function of real numbers, as a function of the tables of a scenario."""
 CHOICES = {
-    "assumptions.knowledge", "beacons.arranged", "either.symbolic", "keys.default", "keys.is_list",
+    "assumptions.has_clock", "assumptions.knowledge", "beacons.arranged", "either.symbolic",
+    "keys.default", "keys.is_list",
     "keys.start_of", "keys.starts", "motion.is_sine", "packets.pose_source", "packets.resolutions",
     "paths.counts", "presets.preset",
 }
