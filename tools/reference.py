@@ -25,6 +25,7 @@ from sblcosim.models.declaration import (
     Variable,
     noise_keys,
 )
+from sblcosim.models.ports import BEACONS
 from sblcosim.models.settings.assumptions import SOURCES
 from sblcosim.models.settings.keys import default
 from sblcosim.results import more
@@ -37,6 +38,7 @@ from sblcosim.scenario.schema import (
     rows,
     toml,
 )
+from sblcosim.scenario.settings import description
 from sblcosim.scenario.units import unit_of
 from typer.main import get_command
 
@@ -354,6 +356,33 @@ def further() -> Iterator[str]:
         yield _row(f"`{name}`", of, _plain(words).rstrip("."))
 
 
+# --- Start values --------------------------------------------------------------------------------
+
+
+def computed() -> Iterator[str]:
+    """Markdown of the parameters that the settings module computes, and of what they depend on."""
+    found = description(int(BEACONS))
+    alike: dict[tuple[str, tuple[str, ...]], list[str]] = {}
+    for name, keys in found["depends"].items():
+        component, _, parameter = name.partition(".")
+        alike.setdefault((parameter, tuple(keys)), []).append(component)
+    yield from _head("parameter", "of", "depends on")
+    for (parameter, keys), components in alike.items():
+        shown = ", ".join(f"`{it}`" for it in keys)
+        yield _row(f"`{parameter}`", ", ".join(f"`{it}`" for it in components), shown)
+
+
+def without_module() -> Iterator[str]:
+    """Markdown of the keys that the settings module does not take, by table."""
+    found = description(int(BEACONS))
+    taken = {it.partition("[")[0] for it in found["keys"]} | {*found["copies"].values()}
+    yield from _head("table", "keys")
+    for table in tables():
+        own = [key for key in keys(table) if (f"{table}.{key}" if table else key) not in taken]
+        if own:
+            yield _row(f"`{table}`" if table else "none", ", ".join(f"`{key}`" for key in own))
+
+
 # --- Names of Python -----------------------------------------------------------------------------
 
 
@@ -383,7 +412,8 @@ def _row(*cells: str) -> str:
 
 KINDS: Mapping[str, Callable[..., Iterator[str]]] = {
     "keys": entries, "commands": command_pages, "json": json_pages, "columns": columns,
-    "likes": likes, "more": further, "names": names,
+    "likes": likes, "more": further, "names": names, "computed": computed,
+    "without_module": without_module,
 }  # fmt: skip
 PAGES = sorted(
     path for path in (Path(__file__).parents[1] / "docs").rglob("*.md") if "made" not in path.parts

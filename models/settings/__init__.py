@@ -1,4 +1,4 @@
-"""What the keys of a scenario imply, as functions of numbers or of CasADi symbols.
+"""What the keys of a scenario imply, as functions of numbers, CasADi symbols or expressions.
 
 Each function takes tables of a complete scenario: objects whose attributes are keys, in the units
 of a scenario file. A loaded scenario has such tables. A `types.SimpleNamespace` with a symbol in
@@ -11,11 +11,17 @@ symbols. Missing keys and components of other authors are handled by the scenari
 ``beacons``
     Where the beacons are.
 ``either``
-    Elementary functions of numbers or symbols.
+    Elementary functions of numbers, symbols or expressions.
+``exact``
+    Those that differ between libraries of C, of basic operations alone.
+``expression``
+    Numbers that remember how they are computed, and C code from them.
 ``keys``
     Units, bounds and starts: from keys to the parameters of the FMUs.
 ``motion``
     How the platform moves.
+``names``
+    Branches on names, in tables of expressions.
 ``packets``
     What packets hold, and how exactly.
 ``parameters``
@@ -24,6 +30,8 @@ symbols. Missing keys and components of other authors are handled by the scenari
     Number of points of a path.
 ``presets``
     Keys that set other keys: grades of sensors, the sea.
+``start_values``
+    The start values of all components, as expressions.
 ``times``
     Intervals.
 """

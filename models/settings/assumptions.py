@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from ..acoustics.contents import PLACED
@@ -16,9 +16,22 @@ from ..receiver.variables import SLOWEST_TILT
 from ..symbols import absolute
 from .beacons import beacons_of
 from .echoes import late, mean_excess, share
-from .either import both, clipped, degrees, greatest, hypot, ratio, sqrt, symbolic, where
+from .either import (
+    both,
+    clipped,
+    degrees,
+    greatest,
+    hypot,
+    ratio,
+    sqrt,
+    square,
+    symbolic,
+    total,
+    where,
+)
 from .keys import OF_RECEIVERS, start_of, within
 from .motion import is_sine, of_mooring, of_sines, of_waves
+from .names import branching
 from .packets import pose_source
 
 _ROOT_2, _ROOT_12 = math.sqrt(2), math.sqrt(12)
@@ -210,9 +223,7 @@ def assumed(
         "imu_heading_std_deg": _with(turn, platform.imu_heading_std_deg),
         **_heading_error(platform),
         **_tilt_error(platform, tilt),
-        "range_common_std_m": common_noise(acoustics),
-        "arrivals_shared": acoustics.arrivals_shared,
-        "common_clock": has_clock(acoustics),
+        **_of_pings(acoustics),
         "outlier_probability": greatest(
             late(outliers, acoustics), _LEAST_OUTLIER_PROBABILITY
         ),
@@ -225,6 +236,15 @@ def assumed(
         "sound_speed_std": absolute(speed / acoustics.sound_speed_m_s - 1),
         "depth_bias_std_m": hypot(target.depth_bias_m, target.depth_bias_std_m),
         **_of_each_beacon(platform, acoustics),
+    }
+
+
+def knowledge(parameters: Collection[str]) -> dict[str, bool]:
+    """What a receiver with these parameters knows, as arguments of `levels`."""
+    return {
+        "estimates_clock": "clock_std" in parameters,
+        "knows_arrangement": "beacon_offset" in parameters,
+        "knows_pings": "range_common_std" in parameters,
     }
 
 
@@ -260,6 +280,7 @@ def levels(
     return {key: within(OF_RECEIVERS[key], value) for key, value in told.items()}
 
 
+@branching
 def range_noise(acoustics: Any) -> Any:
     """Standard deviation of a range's white noise [m], with that of answers or of rounding."""
     if acoustics.ranging in INVERTED:
@@ -275,6 +296,17 @@ def has_clock(acoustics: Any) -> bool:
     return acoustics.common_clock or acoustics.ranging not in INVERTED
 
 
+@branching
+def _of_pings(acoustics: Any) -> dict[str, Any]:
+    """What the arrivals of a ping share."""
+    return {
+        "range_common_std_m": common_noise(acoustics),
+        "arrivals_shared": acoustics.arrivals_shared,
+        "common_clock": has_clock(acoustics),
+    }
+
+
+@branching
 def common_noise(acoustics: Any) -> Any:
     """Standard deviation of what all arrivals of a ping share [m]."""
     shares = acoustics.ranging in INVERTED and acoustics.common_clock
@@ -286,6 +318,7 @@ def with_common(noise: Any, acoustics: Any) -> Any:
     return _with(common_noise(acoustics), noise)
 
 
+@branching
 def lasting_delay(acoustics: Any) -> Any:
     """Standard deviation of what the turn-around of each beacon adds to all its ranges [m]."""
     if legs(acoustics.ranging) == 1:
@@ -293,6 +326,7 @@ def lasting_delay(acoustics: Any) -> Any:
     return acoustics.assumed_sound_speed_m_s / 2 * acoustics.turnaround_beacon_std_s
 
 
+@branching
 def mounting_noise(platform: Any, acoustics: Any) -> Any:
     """Standard deviation of white range noise equivalent to what lasts for each beacon [m].
 
@@ -300,16 +334,18 @@ def mounting_noise(platform: Any, acoustics: Any) -> Any:
     turn-around. A filter that ignores them overestimates its information, the more so the more
     often beacons ping.
     """
-    square = lasting_delay(acoustics) ** 2
+    found = square(lasting_delay(acoustics))
     if platform.gps_shared:
         fixed = platform.mounting_error_m or (0.0,)
-        square += platform.mounting_std_m**2 + sum(v * v for v in fixed) / len(fixed)
+        own = total(map(square, fixed)) / len(fixed)
+        found += square(platform.mounting_std_m) + own
     beacons = len(beacons_of(platform)) // 3
     slots = beacons / schedule_of(acoustics).together(beacons)
     pings = 2 * _MOUNTING_MEMORY / (slots * acoustics.sampling_time_s)
-    return sqrt(square * greatest(pings, 1.0))
+    return sqrt(found * greatest(pings, 1.0))
 
 
+@branching
 def rounding(platform: Any, acoustics: Any, source: str) -> tuple[Any, Any, Any]:
     """Noise that rounding adds to a pose: in positions [m], heading and tilt [degrees]."""
     step = acoustics.packet_resolution_m / _ROOT_12
@@ -320,8 +356,8 @@ def rounding(platform: Any, acoustics: Any, source: str) -> tuple[Any, Any, Any]
     rows = beacons_of(platform)
     x, y = rows[0::3], rows[1::3]
     n = len(x)
-    xx, yy = (sum(v * v for v in axis) - sum(axis) ** 2 / n for axis in (x, y))
-    xy = sum(a * b for a, b in zip(x, y, strict=True)) - sum(x) * sum(y) / n
+    xx, yy = (total(map(square, axis)) - square(total(axis)) / n for axis in (x, y))
+    xy = total(a * b for a, b in zip(x, y, strict=True)) - total(x) * total(y) / n
     least = greatest(xx * yy - xy * xy, 1e-12)
     forward, starboard = (degrees(step * sqrt(v / least)) for v in (yy, xx))
     return step / math.sqrt(n), forward, hypot(forward, starboard) / _ROOT_2
@@ -361,7 +397,7 @@ def _tilt_error(platform: Any, rounded: Any) -> dict[str, Any]:
     noise = _with(rounded, platform.imu_tilt_std_deg)
     lasting = hypot(platform.imu_tilt_bias_deg, platform.imu_tilt_turn_on_std_deg,
                     platform.imu_tilt_markov_std_deg)
-    own, white = _tilt(platform)["tilt_std_deg"] ** 2, noise**2
+    own, white = square(_tilt(platform)["tilt_std_deg"]), square(noise)
     moves = own > 0
     trust = where(moves, own, 0.0) / where(moves, own + white, 1.0)
     return {
@@ -375,11 +411,12 @@ def _tilt_error(platform: Any, rounded: Any) -> dict[str, Any]:
     }
 
 
+@branching
 def _heave(platform: Any) -> dict[str, Any]:
     """RMS depth of the platform's reference point, and the matching correlation time."""
     heaves = is_sine(platform, "heave")
     place, rate = of_sines(platform, ("heave",)) if heaves else of_waves(platform)[0]
-    place += platform.mean_position_m[2] ** 2
+    place += square(platform.mean_position_m[2])
     return {"heave_std_m": sqrt(place), "heave_time_s": _memory(place, rate)}
 
 
@@ -388,12 +425,13 @@ def _vertical_error(platform: Any) -> dict[str, Any]:
     markov = platform.gps_vertical_markov_std_m
     error = hypot(markov, platform.gps_vertical_bias_std_m, platform.gps_antenna_offset_m[2])
     # One process for a constant and a wandering part: it wanders as fast as the two together.
-    time = platform.gps_correlation_time_s * ratio(error, markov) ** 2
+    time = platform.gps_correlation_time_s * square(ratio(error, markov))
     return {
         "gps_vertical_error_std_m": error, **_known("gps_vertical_error_time_s", markov > 0, time)
     }
 
 
+@branching
 def _of_each_beacon(platform: Any, acoustics: Any) -> dict[str, Any]:
     """Errors of the reported beacon positions if each beacon has its own."""
     survey = platform.mounting_std_m if platform.gps_shared else 0.0
@@ -417,6 +455,7 @@ def _of_each_beacon(platform: Any, acoustics: Any) -> dict[str, Any]:
     }
 
 
+@branching
 def clock(acoustics: Any) -> dict[str, Any]:
     """Clock error at the start, and how it grows from there.
 
@@ -436,7 +475,7 @@ def clock(acoustics: Any) -> dict[str, Any]:
     fixed = acoustics.clock_offset_s + drift * age + delay
     return {
         "clock_std_m": speed * hypot(fixed, acoustics.clock_offset_std_s, drift_std * age),
-        "clock_walk_psd_m2_s": _DRIFT_MEMORY * (hypot(drift, drift_std) * speed) ** 2,
+        "clock_walk_psd_m2_s": _DRIFT_MEMORY * square(hypot(drift, drift_std) * speed),
     }
 
 
@@ -446,6 +485,7 @@ def _motion(platform: Any, axes: Sequence[str], std: str, time: str) -> dict[str
     return {std: sqrt(rate / len(axes)), **_known(time, rate > 0, sqrt(ratio(place, rate)))}
 
 
+@branching
 def _velocity(platform: Any) -> dict[str, Any]:
     """RMS velocity of the platform per axis, and its correlation time.
 
@@ -456,12 +496,13 @@ def _velocity(platform: Any) -> dict[str, Any]:
     std: Any = told["platform_velocity_std_m_s"]
     time = told.get("platform_velocity_time_s")
     way = platform.boat_speed_m_s
-    total = hypot(std, way / _ROOT_2)
+    both = hypot(std, way / _ROOT_2)
     moves = std > 0
-    longer = (_STILL if time is None else time) * ratio(total, where(moves, std, 1.0)) ** 2
+    grown = square(ratio(both, where(moves, std, 1.0)))
+    longer = (_STILL if time is None else time) * grown
     slow = where(moves, longer, _STILL)
     return {
-        "platform_velocity_std_m_s": where(way > 0, total, std),
+        "platform_velocity_std_m_s": where(way > 0, both, std),
         **_known("platform_velocity_time_s", (std + way) > 0,
                  where(way > 0, slow, _STILL if time is None else time)),
     }
@@ -473,15 +514,16 @@ def _wavering(platform: Any) -> dict[str, Any]:
         return _motion(platform, ("surge", "sway"), "platform_velocity_std_m_s",
                        "platform_velocity_time_s")
     parts = of_waves(platform)[0], of_mooring(platform)
-    rate = sum(it[1] for it in parts)
+    rate = total(it[1] for it in parts)
     # One process for waves and drift: it spreads as fast as both together.
-    spread = sum(sqrt(place * rate) for place, rate in parts)
+    spread = total(sqrt(place * rate) for place, rate in parts)
     return {
         "platform_velocity_std_m_s": sqrt(rate / 2),
         **_known("platform_velocity_time_s", rate > 0, ratio(spread, rate)),
     }
 
 
+@branching
 def _tilt(platform: Any) -> dict[str, Any]:
     """RMS of roll and of pitch, and their correlation time."""
     if is_sine(platform, "roll"):

@@ -6,6 +6,7 @@ from typing import Any
 
 from ..arrangement import cross
 from ..ports import BEACONS
+from .names import branching
 
 
 def arranged(beacon_m: Any) -> dict[str, Any]:
@@ -15,6 +16,7 @@ def arranged(beacon_m: Any) -> dict[str, Any]:
     return {"beacons": len(beacon_m) // 3, "arrangement": "given"}
 
 
+@branching
 def beacons_of(platform: Any) -> tuple[Any, ...]:
     """Nominal positions of the beacons, body frame, row by row [m]."""
     rows = cross(platform.beacons, platform.arm_length_m, platform.beacon_depth_m)

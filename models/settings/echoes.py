@@ -12,7 +12,9 @@ from typing import Any
 from ..acoustics import shadow
 from ..acoustics.ranging import legs
 from .beacons import beacons_of
-from .either import greatest, radians, sin, sqrt, symbolic, where
+from .either import greatest, radians, sin, sqrt, square, symbolic, where
+from .expression import outlined
+from .names import branching
 from .paths import sketch
 
 
@@ -23,7 +25,7 @@ def chances(acoustics: Any) -> tuple[Any, Any]:
 
 
 def excesses(
-    root: Callable[[Any], Any], square: Any, diver: Any, beacon: Any, water_depth: Any
+    root: Callable[[Any], Any], apart: Any, diver: Any, beacon: Any, water_depth: Any
 ) -> tuple[Any, Any]:
     """Excess paths of the echoes from surface and bottom [m].
 
@@ -31,14 +33,14 @@ def excesses(
     ----------
     root
         The square root of such numbers.
-    square
+    apart
         Square of the horizontal distance [m²].
     diver, beacon, water_depth
         Their depths [m].
     """
-    direct = root(square + (diver - beacon) ** 2)
+    direct = root(apart + square(diver - beacon))
     surface, bottom = (
-        root(square + down**2) - direct
+        root(apart + square(down)) - direct
         for down in (diver + beacon, 2 * water_depth - (diver + beacon))
     )
     return surface, bottom
@@ -56,6 +58,7 @@ def share(acoustics: Any) -> Any:
     return where(received > 0, echoes, 0.0) / where(received > 0, received, 1.0)
 
 
+@branching
 def late(outliers: Any, acoustics: Any) -> Any:
     """Share of ranges that are late: outliers, and echoes where the direct path is lost.
 
@@ -65,10 +68,13 @@ def late(outliers: Any, acoustics: Any) -> Any:
         Share of outliers.
     """
     echoes = share(acoustics)
-    direct = (1 - echoes) ** legs(acoustics.ranging)
+    direct: Any = 1.0
+    for _ in range(legs(acoustics.ranging)):
+        direct = direct * (1 - echoes)
     return where(echoes > 0, 1 - (1 - outliers) * direct, outliers)
 
 
+@branching
 def mean_excess(outliers: Any, target: Any, platform: Any, acoustics: Any) -> Any:
     """Mean excess of late ranges [m]: of outliers, and of echoes along the diver's path.
 
@@ -99,18 +105,33 @@ def _along(points: Any, platform: Any, acoustics: Any) -> Any:
     beacons = _still(platform)
     for weight, n, e, z in points:
         for north, east, down in beacons:
-            square = (n - north) ** 2 + (e - east) ** 2
-            first, second = (
-                greatest(it, 0.0)
-                for it in excesses(sqrt, square, z, down, acoustics.water_depth_m)
-            )
-            # The receiver takes the echo that arrives first.
-            mean = where(
-                first <= second,
-                q1 * first + (1 - q1) * q2 * second, q2 * second + (1 - q2) * q1 * first,
-            )
+            mean = _excess(n - north, e - east, z, down, acoustics.water_depth_m, q1, q2)
             total, weights = total + weight * mean, weights + weight
     return total / weights / where(some > 0, some, 1.0)
+
+
+@outlined
+def _excess(n: Any, e: Any, diver: Any, beacon: Any, water_depth: Any, q1: Any, q2: Any) -> Any:
+    """Mean excess of the echoes between two points [m], times their probability.
+
+    Parameters
+    ----------
+    n, e
+        Horizontal distance, north and east [m].
+    diver, beacon, water_depth
+        Depths [m].
+    q1, q2
+        Probabilities of the echoes from surface and bottom.
+    """
+    first, second = (
+        greatest(it, 0.0)
+        for it in excesses(sqrt, square(n) + square(e), diver, beacon, water_depth)
+    )
+    # The receiver takes the echo that arrives first.
+    return where(
+        first <= second,
+        q1 * first + (1 - q1) * q2 * second, q2 * second + (1 - q2) * q1 * first,
+    )
 
 
 def _still(platform: Any) -> list[tuple[Any, Any, Any]]:

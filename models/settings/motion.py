@@ -9,9 +9,16 @@ from typing import Any
 from ..platform import spectrum
 from ..platform.variables import ANGLES
 from . import either
+from .either import both, square, where
 
 Sums = tuple[Any, Any]
 """Mean squares of a motion and of its rate, summed over axes."""
+
+
+def heading(platform: Any) -> Any:
+    """Mean heading of a platform that has none given [deg]: a boat points where she goes."""
+    goes = both(platform.boat_speed_m_s != 0, platform.boat_course_deg != 0)
+    return where(goes, platform.boat_course_deg, 0.0)
 
 
 def is_sine(platform: Any, axis: str) -> bool:
@@ -26,8 +33,9 @@ def of_sines(platform: Any, axes: Sequence[str]) -> Sums:
     for axis in axes:
         unit = "deg" if axis in ANGLES else "m"
         amplitude = getattr(platform, f"{axis}_amplitude_{unit}")
-        place += amplitude**2 / 2
-        rate += (2 * math.pi * getattr(platform, f"{axis}_frequency_Hz") * amplitude) ** 2 / 2
+        fastest = 2 * math.pi * getattr(platform, f"{axis}_frequency_Hz") * amplitude
+        place += square(amplitude) / 2
+        rate += square(fastest) / 2
     return place, rate
 
 
@@ -38,7 +46,7 @@ def of_waves(platform: Any) -> tuple[Sums, Sums]:
         either, platform.wave_height_m, spectrum.DEVELOPED if isinstance(period, str) else period,
         platform.wave_peak_enhancement, platform.raft_size_m, platform.raft_draught_m,
     )
-    degrees = math.degrees(1.0) ** 2
+    degrees = square(math.degrees(1.0))
     return (
         (found.place, found.place_rate), (degrees * found.slope, degrees * found.slope_rate)
     )
@@ -46,5 +54,5 @@ def of_waves(platform: Any) -> tuple[Sums, Sums]:
 
 def of_mooring(platform: Any) -> Sums:
     """Of the drift in the watch circle, both axes."""
-    place = 2 * (platform.watch_circle_m / spectrum.WITHIN) ** 2
-    return place, place / platform.mooring_time_s**2
+    place = 2 * square(platform.watch_circle_m / spectrum.WITHIN)
+    return place, place / square(platform.mooring_time_s)

@@ -7,12 +7,14 @@ from itertools import pairwise
 from math import pi
 from typing import Any
 
-from .either import greatest, radians, sin, sqrt
+from .either import greatest, hypot, radians, sin, sqrt, square
+from .expression import UNKNOWN, Expression
 
 _POINTS = 8
 """Number of points on a path that is a formula."""
 _MOST = 64
 """Largest number of points of a track that are used."""
+_OF_POINTS = ("waypoints", "file")
 _HELD = 1e-9
 """Weight of a part without length or duration, so that a diver at rest is somewhere."""
 Weighted = tuple[Any, Any, Any, Any]
@@ -36,9 +38,11 @@ def sketch(target: Any) -> list[Weighted]:
     counts with its start, a random one with its box.
     """
     trajectory = target.trajectory
+    if trajectory in _OF_POINTS and isinstance(target.speed_m_s, Expression):
+        return [(1.0, UNKNOWN, UNKNOWN, UNKNOWN)]  # as many as there may be are too many
     if trajectory == "waypoints":
         rows = _rows(target.waypoint_m, target.waypoint_count)
-        return [*_legs(rows, [sqrt(sum((b - a) ** 2 for a, b in zip(one, two, strict=True)))
+        return [*_legs(rows, [hypot(*(b - a for a, b in zip(one, two, strict=True)))
                               for one, two in pairwise(rows)])]
     if trajectory == "file":
         rows = _rows(target.track_m, min(target.track_count, len(target.track_time_s)))
@@ -102,7 +106,7 @@ def _square(t: Any, share: float) -> Iterator[tuple[Any, Any]]:
 def _spiral(t: Any, share: float) -> Iterator[tuple[Any, Any]]:
     # The distance covered grows with the square of the radius.
     first, last = t.spiral_radius_m
-    radius = sqrt(first**2 + share * (last**2 - first**2))
+    radius = sqrt(square(first) + share * (square(last) - square(first)))
     yield _at(radians(t.heading_deg) + 2 * pi * t.turns * share, radius)
 
 

@@ -13,6 +13,7 @@ from typing import Any
 from sblcosim.models import RECEIVERS
 from sblcosim.models.settings.beacons import arranged
 from sblcosim.models.settings.keys import starts
+from sblcosim.models.settings.motion import heading
 from sblcosim.models.settings.paths import counts
 from sblcosim.models.settings.presets import PRESET_TABLES, preset
 
@@ -51,7 +52,7 @@ def component(name: str, table: Any, beacons: int, common: Mapping[str, Any]) ->
         elif name == "platform":
             values |= arranged(table.beacon_m)
             if table.boat_speed_m_s and table.boat_course_deg:
-                values["mean_heading_deg"] = table.boat_course_deg  # she points where she goes
+                values["mean_heading_deg"] = heading(table)
         else:
             values |= packets.resolutions(table, beacons)
             values |= water.derived(table)

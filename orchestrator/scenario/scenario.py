@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, ValidationError, model_validator
 from sblcosim.fmus.host.nanoseconds import SECOND, is_whole_ns, nanoseconds, settled
-from sblcosim.models.settings.assumptions import PARAMETERS, levels
+from sblcosim.models.settings.assumptions import PARAMETERS, knowledge, levels
 from sblcosim.models.settings.presets import PRESET_TABLES
 from sblcosim.models.settings.times import update_interval
 
@@ -197,17 +197,15 @@ class Scenario(Table):
         """
         receiver, tables = self.receiver, (self.target, self.platform, self.acoustics)
         source = receiver.pose_source if "pose_source" in receiver.model_fields_set else None
-        clock, arrangement = "clock_std" in parameters, "beacon_offset" in parameters
-        pings = "range_common_std" in parameters
+        known = knowledge(parameters)
         everything = not PARAMETERS.isdisjoint(parameters)
 
         def make() -> dict[str, Any]:
             return levels(
-                assumed(*tables, source, everything=everything), *tables,
-                estimates_clock=clock, knows_arrangement=arrangement, knows_pings=pings,
+                assumed(*tables, source, everything=everything), *tables, **known
             )
 
-        key = (clock, arrangement, pings, everything, source, *map(id, tables))
+        key = (*known.values(), everything, source, *map(id, tables))
         return alike("assumptions", key, make, *tables)
 
     def given(self) -> dict[str, Any]:

@@ -154,6 +154,7 @@ TRIED: Mapping[str, Callable[[Tables], Any]] = {
     "keys.in_si": _of_each_key(keys.in_si),
     "keys.to_si": _of_each_key(lambda v, value: (keys.to_si(v) or (lambda it: it))(value)),
     "keys.within": _of_each_key(keys.within),
+    "motion.heading": lambda t: motion.heading(t.platform),
     "motion.of_waves": _of_waves,
     "motion.of_mooring": lambda t: motion.of_mooring(t.platform),
     "motion.of_sines": lambda t: motion.of_sines(t.platform, ("roll", "yaw", "heave")),
@@ -164,6 +165,9 @@ TRIED: Mapping[str, Callable[[Tables], Any]] = {
         t.acoustics.outlier_mean_m + 1.0, 3),
     "either.sqrt": lambda t: either.sqrt(t.acoustics.range_std_m),
     "either.hypot": lambda t: either.hypot(t.acoustics.range_std_m, 2.0, t.target.depth_std_m),
+    "either.square": lambda t: either.square(t.acoustics.range_std_m),
+    "either.total": lambda t: either.total([t.acoustics.range_std_m, t.target.depth_std_m]),
+    "either.rounded": lambda t: either.rounded(1e6 * t.acoustics.range_std_m) / 1e6,
     "either.exp": lambda t: either.exp(-t.acoustics.range_std_m),
     "either.log": lambda t: either.log(1 + t.acoustics.range_std_m),
     "either.sin": lambda t: either.sin(t.platform.mean_heading_deg),
@@ -179,16 +183,21 @@ TRIED: Mapping[str, Callable[[Tables], Any]] = {
 }
 """Every setting function of real numbers, as a function of the tables of a scenario."""
 CHOICES = {
-    "beacons.arranged", "either.symbolic", "keys.default", "keys.is_list", "keys.start_of",
-    "keys.starts", "motion.is_sine", "packets.pose_source", "packets.resolutions", "paths.counts",
-    "presets.preset",
+    "assumptions.has_clock", "assumptions.knowledge", "beacons.arranged", "either.symbolic",
+    "keys.default", "keys.is_list",
+    "keys.start_of", "keys.starts", "motion.is_sine", "packets.pose_source", "packets.resolutions",
+    "paths.counts", "presets.preset",
 }
 """Those that take names, whole numbers and declarations only, or ask how many there are."""
+OF_EXPRESSIONS = ("exact", "expression", "names", "start_values")
+"""Modules for expressions alone: ``tests/fmu/test_settings.py``."""
 
 
 def test_every_setting_function_is_tried() -> None:
     found = set()
     for module in pkgutil.iter_modules(settings.__path__):
+        if module.name in OF_EXPRESSIONS:
+            continue
         content = import_module(f"{settings.__name__}.{module.name}")
         found |= {
             f"{module.name}.{name}" for name, value in vars(content).items()
@@ -266,7 +275,9 @@ class Both:
         return np.array([found[k] if k in found else start(k) for k in self.names], float)
 
 
-ROUNDED = {"keys.in_file_units": 1e-11, "times.update_interval": 1e-9}
+ROUNDED = {
+    "keys.in_file_units": 1e-11, "times.update_interval": 1e-9, "either.rounded": 1e-4,
+}
 """Relative errors of numbers that are rounded: to twelve digits, and to whole nanoseconds."""
 QUICK = ("gps-buoys", "harbour-lbl", "harbour-random", "paper-scenario-1", "realistic-sea")
 SCENARIOS = few([*shipped(), *range(4)], quick=(*QUICK, *range(4)))
