@@ -18,6 +18,7 @@ _TABLE = "engines.h"
 
 
 def module(
+    file: str,
     driver: Mapping[str, bytes],
     components: Sequence[str],
     lanes: int,
@@ -28,6 +29,8 @@ def module(
 
     Parameters
     ----------
+    file
+        Name of the file.
     driver
         C sources by name. The first is compiled; it finds the engines in the macro ``ENGINES`` of
         the header ``engines.h``.
@@ -70,7 +73,7 @@ def module(
         Path(__file__).read_text("utf-8"),
     ]
     of = factory.key_of_sources(facts, (), sources)
-    return factory.kept_module(f"lanes_{lanes}.wasm", of, parts, section)
+    return factory.kept_module(file, of, parts, section)
 
 
 def _symbol(component: str) -> str:

@@ -17,7 +17,16 @@ export class Plan {
     return new Float64Array(this.content, at, size / 8);
   }
 
-  /** The times of all instants after the start of the count [ns]; 64-bit integers. */
+  /** Set a parameter before the start: `set("acoustics.range_std", [0.3])`. */
+  set(name, values) {
+    const [owner, parameter] = name.split(".");
+    const component = this.components.findIndex((it) => it.name === owner);
+    const element = this.components[component]?.parameters[parameter];
+    if (element === undefined) throw new Error(`${name}: must be a parameter of the plan`);
+    this.start(component).set(values, element);
+  }
+
+  /** The times of all instants [ns], 64-bit integers; the start first. */
   get instants() {
     const [at, size] = this.arrays.instants_ns;
     return new BigInt64Array(this.content, at, size / 8);
@@ -165,9 +174,12 @@ export class Engine {
     const status = Number(place.call(groups));
     if (status === -2) throw new Error("a receiver must not give more estimates than updates");
     if (status > 0) {
-      const { name } = plan.components[(status & 0xffff) - 1];
-      throw new Error(`${name}: parameter ${Math.floor(status / 65536)} must be the same in all ` +
-        "runs side by side, and an interval must be whole nanoseconds");
+      const { name, parameters } = plan.components[(status & 0xffff) - 1];
+      const element = Math.floor(status / 65536) - 1;
+      const [parameter] = Object.entries(parameters).reduce((nearest, it) =>
+        it[1] <= element && it[1] > nearest[1] ? it : nearest, ["", -1]);
+      throw new Error(`${name}.${parameter}: must be the same in all runs side by side, and an ` +
+        "interval must be whole nanoseconds");
     }
   }
 
@@ -219,7 +231,7 @@ export class Pool {
   constructor(engine, workers) {
     this.#engine = engine;
     this.workers = workers.map((worker) => {
-      const own = { worker, waiting: new Map(), dead: null };
+      const own = { worker, waiting: new Map(), dead: null, ready: null };
       const listen = (name, act) => worker.addEventListener
         ? worker.addEventListener(name, (event) => act(event.data ?? event))
         : worker.on(name, act);
@@ -234,7 +246,7 @@ export class Pool {
           own.dead = new WorkerDied(`a worker ended: ${event.message ?? event}`);
           for (const [, fail] of own.waiting.values()) fail(own.dead);
         });
-      this.#ask(own, { module: engine.module }).catch(() => {});
+      this.#prepare(own, { module: engine.module });
       return own;
     });
   }
@@ -242,8 +254,7 @@ export class Pool {
   /** Give all workers a plan, under a name. */
   add(name, plan) {
     const { content, ...description } = plan;
-    for (const own of this.workers)
-      this.#ask(own, { name, plan: { description, content } }).catch(() => {});
+    for (const own of this.workers) this.#prepare(own, { name, plan: { description, content } });
   }
 
   /**
@@ -256,21 +267,30 @@ export class Pool {
       while (waiting.length && !own.dead) {
         const first = waiting.shift();
         try {
+          await own.ready;
           results[first / part] = await this.#ask(
             own, { name, seeds: seeds.slice(first, first + part), percentages });
         } catch (error) {
-          if (!(error instanceof WorkerDied)) throw error;
+          if (!(error instanceof WorkerDied)) {
+            waiting.length = 0;
+            throw error;
+          }
           waiting.unshift(first);
         }
       }
     };
-    const done = () => results.filter(Boolean).length === Math.ceil(seeds.length / part);
-    while (!done()) {
+    while (waiting.length) {
       const alive = this.workers.filter((own) => !own.dead);
       if (!alive.length) throw this.workers[0]?.dead ?? new Error("there must be a worker");
       await Promise.all(alive.map(work));
     }
     return joined(results);
+  }
+
+  /** What a worker must have done before it runs; `run` throws the error, if any. */
+  #prepare(own, message) {
+    own.ready = Promise.all([own.ready, this.#ask(own, message)]);
+    own.ready.catch(() => {});
   }
 
   #ask(own, message) {

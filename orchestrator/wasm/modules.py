@@ -63,7 +63,7 @@ def module(receivers: Sequence[str] = (), beacons: int = 4, lanes: int = 1) -> P
     components = (*CORE_COMPONENTS, *dict.fromkeys(receivers or RECEIVERS))
     entry = {_ENTRY: (c_libraries.FOLDER / _ENTRY).read_bytes()}
     return modules.module(
-        {**entry, **c_libraries.sources(DRIVER)}, components, lanes,
+        f"beacons_{beacons}_lanes_{lanes}.wasm", {**entry, **c_libraries.sources(DRIVER)}, components, lanes,
         _description(components, beacons, lanes), beacons=beacons,
     )
 

@@ -113,9 +113,13 @@ def exported(
             "type": _type(component),
             "held": holds,
             "start": placed(np.asarray(start, "<f8").tobytes()),
+            "parameters": {
+                name: first[name]
+                for name, port in component.ports.items() if port.causality == "parameter"
+            },
         }
-        for component, start, holds in zip(
-            plan.components, batch.starts, batch.needs_holding, strict=True
+        for component, start, holds, first in zip(
+            plan.components, batch.starts, batch.needs_holding, batch.layout.firsts, strict=True
         )
     ]
     ports = {name: _port(plan, name) for name in record}

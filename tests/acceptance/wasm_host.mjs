@@ -11,20 +11,50 @@ const textOf = (array) => {
 const packed = (found) => Object.fromEntries(
   Object.entries(found).map(([name, it]) => [name, ArrayBuffer.isView(it) ? textOf(it) : packed(it)]));
 
-/** worker: makes a worker; stop: ends it. */
-export async function answer({ Engine, Plan, Pool }, job, worker) {
+/**
+ * worker: makes a worker. Optional in a job: `changes` of parameters,
+ * the milliseconds by which the first worker answers `late`, and how many runs' parts each of the
+ * first workers survives (`dying`).
+ */
+export async function answer(script, job, worker) {
+  try {
+    return JSON.stringify(packed(await found(script, job, worker)));
+  } catch (error) {
+    return JSON.stringify({ error: error.message });
+  }
+}
+
+async function found({ Engine, Plan, Pool }, job, worker) {
   const engine = await Engine.load(bytesOf(job.module).buffer);
   const plan = new Plan(job.description, bytesOf(job.content).buffer);
+  for (const [name, values] of Object.entries(job.changes ?? {})) plan.set(name, values);
   const found = { record: engine.record(plan, job.recorded) };
   found["0"] = engine.run(plan, job.seeds, job.percentages);
   for (const count of job.workers) {
     const workers = Array.from({ length: count }, worker);
-    const pool = new Pool(engine, workers);
+    const pool = new Pool(engine, workers.map((it, n) => strange(it, n, job)));
     pool.add("plan", plan);
-    found[count] = await pool.run("plan", job.seeds, job.percentages, job.part);
-    for (const it of workers) it.terminate();
+    try {
+      found[count] = await pool.run("plan", job.seeds, job.percentages, job.part);
+    } finally {
+      for (const it of workers) it.terminate();
+    }
   }
-  return JSON.stringify(packed(found));
+  return found;
+}
+
+/** A worker of node that answers late, or dies. */
+function strange(worker, number, { late = 0, dying = [] }) {
+  if (!late && !dying.length) return worker;
+  let left = dying[number] ?? Infinity;
+  return {
+    postMessage(message) {
+      if (message.seeds && left-- <= 0) worker.terminate();
+      else worker.postMessage(message);
+    },
+    on: (name, act) => worker.on(
+      name, (data) => number || name !== "message" ? act(data) : setTimeout(act, late, data)),
+  };
 }
 
 if (globalThis.process?.argv?.[1]?.endsWith("wasm_host.mjs")) {
