@@ -109,13 +109,13 @@ def receiving() -> Iterator[tuple[str, Callable[[float], bytes]]]:
     there = threading.Event()
 
     class Handler(BaseHTTPRequestHandler):
-        def do_POST(self) -> None:  # noqa: N802
+        def do_POST(self) -> None:
             found.append(self.rfile.read(int(self.headers["Content-Length"])))
             self.send_response(204)
             self.end_headers()
             there.set()
 
-        def log_message(self, format: str, *args: Any) -> None:  # noqa: A002
+        def log_message(self, format: str, *args: Any) -> None:
             pass
 
     def received(seconds: float) -> bytes:
@@ -185,7 +185,8 @@ def compared(found: Mapping[str, str], expected: Mapping[str, Any]) -> int:
     for name, values in expected.items():
         mine = np.frombuffer(base64.b64decode(found[name]), "<f8").reshape(values.shape)
         np.testing.assert_array_equal(mine, values, err_msg=name)
-        np.testing.assert_array_equal(np.signbit(mine)[values == 0], np.signbit(values)[values == 0])
+        zero = values == 0
+        np.testing.assert_array_equal(np.signbit(mine[zero]), np.signbit(values[zero]))
     return sum(values.size for values in expected.values())
 
 
@@ -302,7 +303,7 @@ def test_what_does_not_fit_is_refused(
 
 
 def test_what_python_refuses() -> None:
-    with pytest.raises(ConfigurationError, match="receivers: each must be one of .*'efk'"):
+    with pytest.raises(ConfigurationError, match=r"receivers: each must be one of .*'efk'"):
         modules.module(("efk",))
     with pytest.raises(ConfigurationError, match="lanes: must be 1 or 2 in WebAssembly, got 4"):
         modules.module(SMALL, lanes=4)
