@@ -121,12 +121,13 @@ def compared(name: str, number: int, runs: int, pairs: int) -> None:
             native(), node.run(runs)
         times = alternated(native, lambda: node.run(runs), pairs)
         node.close()
-    median = statistics.median(times[1])
+    found, usual = (runs / statistics.median(each) for each in reversed(times))
+    last = node.last
     print(f"{name}, {number} side by side: wasm/native {ratio(*times)}\n"
-          f"    {runs / median:.0f} runs per second of processor time (best {runs / min(times[1]):.0f}), "
-          f"native {runs / statistics.median(times[0]):.0f}; one run with its record "
-          f"{node.last['record']:.1f} ms, the first one {node.last['first']:.0f} ms after the start; "
-          f"memory {node.last['memory'] / 1e6:.1f} MB", flush=True)
+          f"    {found:.0f} runs per second of processor time (best {runs / min(times[1]):.0f}), "
+          f"native {usual:.0f}; one run with its record {last['record']:.1f} ms, the first one "
+          f"{last['first']:.0f} ms after the start; memory {last['memory'] / 1e6:.1f} MB",
+          flush=True)
 
 
 def sizes() -> None:

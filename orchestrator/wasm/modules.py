@@ -38,8 +38,8 @@ def module(receivers: Sequence[str] = (), beacons: int = 4, lanes: int = 1) -> P
     beacons
         Number of beacons: a module is for one number of them.
     lanes
-        Simulations side by side: 1, or 2 where WebAssembly has vectors (``simd128``). Results do not
-        depend on it.
+        Simulations side by side: 1, or 2 where WebAssembly has vectors (``simd128``). Results do
+        not depend on it.
 
     Raises
     ------
@@ -63,8 +63,8 @@ def module(receivers: Sequence[str] = (), beacons: int = 4, lanes: int = 1) -> P
     components = (*CORE_COMPONENTS, *dict.fromkeys(receivers or RECEIVERS))
     entry = {_ENTRY: (c_libraries.FOLDER / _ENTRY).read_bytes()}
     return modules.module(
-        f"beacons_{beacons}_lanes_{lanes}.wasm", {**entry, **c_libraries.sources(DRIVER)}, components, lanes,
-        _description(components, beacons, lanes), beacons=beacons,
+        f"beacons_{beacons}_lanes_{lanes}.wasm", {**entry, **c_libraries.sources(DRIVER)},
+        components, lanes, _description(components, beacons, lanes), beacons=beacons,
     )
 
 
@@ -83,7 +83,7 @@ def _description(components: Sequence[str], beacons: int, lanes: int) -> dict[st
 
 
 def fields_of(structure: Any) -> dict[str, Any]:
-    """Size of a C structure and, by field, its offset and size [bytes], with pointers of 32 bits."""
+    """Size of a C structure, and offset and size of its fields [bytes]; pointers have 32 bits."""
     narrow = [
         (name, ctypes.c_uint32 if kind is ctypes.c_void_p else kind)
         for name, kind in structure._fields_

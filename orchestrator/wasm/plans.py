@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import ctypes
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -107,7 +108,36 @@ def exported(
         if name != "components" and array is not None
     }
     arrays["instants_ns"] = placed(batch.instants.astype("<i8").tobytes())
-    components = [
+    ports = {name: _port(plan, name) for name in record}
+    description = {
+        "beacons": next(
+            (c.ports["beacon_position"].shape[0] for c in plan.components if c.name == "platform"),
+            0,
+        ),
+        "components": _components(plan, batch, placed),
+        "numbers": {
+            name: int(getattr(batch.c_plan, name))
+            for name, kind in ((it[0], it[1]) for it in batch.c_plan._fields_)
+            if kind is not ctypes.c_void_p
+        },
+        "arrays": arrays,
+        "seeds": [batch.layout.find(n, "seed", "parameter", n) for n in seeded],
+        "receivers": list(batch.receivers),
+        "room": batch.room,
+        "errors_bytes": batch.errors_bytes,
+        "record": [
+            {"name": name, "shape": list(port.shape), "type": port.type}
+            for name, port in ports.items()
+        ],
+    }
+    return WasmPlan(description, bytes(content))
+
+
+def _components(
+    plan: Plan, batch: LanesBatch, placed: Callable[[bytes], list[int]]
+) -> list[dict[str, Any]]:
+    """The components of a plan, whose start values get a place."""
+    return [
         {
             "name": component.name,
             "type": _type(component),
@@ -122,29 +152,6 @@ def exported(
             plan.components, batch.starts, batch.needs_holding, batch.layout.firsts, strict=True
         )
     ]
-    ports = {name: _port(plan, name) for name in record}
-    description = {
-        "beacons": next(
-            (c.ports["beacon_position"].shape[0] for c in plan.components if c.name == "platform"),
-            0,
-        ),
-        "components": components,
-        "numbers": {
-            name: int(getattr(batch.c_plan, name))
-            for name, _ in batch.c_plan._fields_
-            if name not in batch.arrays and name != "instants_ns"
-        },
-        "arrays": arrays,
-        "seeds": [batch.layout.find(n, "seed", "parameter", n) for n in seeded],
-        "receivers": list(batch.receivers),
-        "room": batch.room,
-        "errors_bytes": batch.errors_bytes,
-        "record": [
-            {"name": name, "shape": list(port.shape), "type": port.type}
-            for name, port in ports.items()
-        ],
-    }
-    return WasmPlan(description, bytes(content))
 
 
 def _port(plan: Plan, name: str) -> Any:

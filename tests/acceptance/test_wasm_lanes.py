@@ -85,7 +85,8 @@ def in_chromium(job: Mapping[str, Any], folder: Path) -> Answer:
         pytest.skip("needs Chromium")
     script = modules.SCRIPT.read_text()
     with receiving() as (address, received):
-        given = {"script": script, "host": HOST.read_text(), "worker": script.replace("\nexport ", "\n") + WORKER, "job": job}
+        worker = script.replace("\nexport ", "\n") + WORKER
+        given = {"script": script, "host": HOST.read_text(), "worker": worker, "job": job}
         page = folder / "page.html"
         page.write_text(PAGE.format(given=json.dumps(given).replace("<", "\\u003c"), to=address))
         browser = subprocess.Popen(
@@ -115,7 +116,7 @@ def receiving() -> Iterator[tuple[str, Callable[[float], bytes]]]:
             self.end_headers()
             there.set()
 
-        def log_message(self, format: str, *args: Any) -> None:
+        def log_message(self, *args: Any) -> None:
             pass
 
     def received(seconds: float) -> bytes:
