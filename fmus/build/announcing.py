@@ -21,8 +21,11 @@ def announced(names: Sequence[str], texts: Sequence[Mapping[str, bytes]]) -> Ite
     names
         What is made.
     texts
-        The C files, by name, of each run of the compiler.
+        The C files, by name, of each run of the compiler. Without any, nothing is said.
     """
+    if not texts:  # linking takes no time
+        yield
+        return
     each = [SECONDS_PER_BYTE * sum(map(len, text.values())) for text in texts]
     expected = max(*each, sum(each) / (os.cpu_count() or 1))
     _say(f"compiling {', '.join(dict.fromkeys(names))}: about {_time(expected)} on an idle machine")

@@ -260,13 +260,59 @@ def _lanes(engine: Mapping[str, bytes], compiler: compilers.Compiler) -> list[_O
         own = c_files(WASM_FILES)
         entry, header = WASM_FILES
         sources |= {entry: own[entry], "string.h": own[header]}
-    units = [Unit(entry), *lane_units("lanes.c", compiler.platform)]
+    return _kept(sources, [Unit(entry), *lane_units("lanes.c", compiler.platform)], compiler)
+
+
+def _kept(
+    sources: Mapping[str, bytes], units: Sequence[Unit], compiler: compilers.Compiler
+) -> list[_Object]:
+    """Objects that have a place in the cache."""
     facts = [compiler.command, compiler.identity, compiler.platform, SEAL]
     folder = cache() / key_of_sources(facts, units, sources)
     return [
         _Object(sources, unit, compiler, folder / f"{number}.o")
         for number, unit in enumerate(units)
     ]
+
+
+def kept_module(
+    file: str,
+    of: str,
+    parts: Callable[[], Iterable[tuple[Mapping[str, bytes], Unit]]],
+    section: bytes,
+) -> Path:
+    """A module of WebAssembly from objects that are cached each; linked only if it has changed.
+
+    Parameters
+    ----------
+    of
+        Cache key of everything that the module is made from.
+    parts
+        The C sources of each object, by name, and what to compile of them.
+    section
+        A section of the module's format, to be its last.
+
+    Raises
+    ------
+    BuildError
+        CasADi or ``ziglang`` is missing, or the compiler fails.
+    """
+    compiler = compilers.for_platform(WASM)
+    path = cache() / _fingerprint(_digest([of, SEAL]).hexdigest(), (compiler,)) / file
+
+    def prepared() -> _Build:
+        objects = [each for sources, unit in parts() for each in _kept(sources, [unit], compiler)]
+
+        def finish(compiled: Callable[[_Object], bytes]) -> None:
+            binary = _linked(map(compiled, objects), compiler)
+            with _caching():
+                write_sealed(path, binary + section)
+
+        return _Build(objects, finish)
+
+    if not _usable(path):
+        _make({path: prepared})
+    return path
 
 
 def _ready(of: str, file: str) -> Path | None:

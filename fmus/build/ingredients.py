@@ -25,10 +25,11 @@ _MODELS, _FMUS = "sblcosim.models", "sblcosim.fmus"
 _BUILD = f"{_FMUS}.build"
 _NO_INGREDIENTS = (
     f"{_FMUS}.files", f"{_BUILD}.announcing", f"{_BUILD}.bound", f"{_BUILD}.bound_source",
-    f"{_BUILD}.ours",
+    f"{_BUILD}.modules", f"{_BUILD}.ours",
 )
 """Modules that do not affect an FMU: files only writes what is complete, announcing only tells,
-bounds are in no FMU, and ours only asks whether an existing file was built here."""
+bounds and modules of several components are in no FMU, and ours only asks whether an existing file
+was built here."""
 _RECEIVERS = "receiver"
 _AFTER = re.compile(r"<!-- after (\w+\.md) -->")
 """What a page says that presumes another one."""

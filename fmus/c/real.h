@@ -191,12 +191,15 @@ R_INLINE mask m_high(bits64 v)
 #endif
 }
 
+/* A double is chosen by a condition, but by its bits in WebAssembly: there, engines choose between
+ * doubles with a branch, and large functions with many of them are several times slower. */
+
 /* a where the mask is set, else +0. */
 R_INLINE real r_keep(mask m, real a)
 {
 #if defined(R_MASK_REGISTERS)
     return _mm512_maskz_mov_pd(m, a);
-#elif LANES == 1
+#elif LANES == 1 && !defined(__wasm__)
     return m ? a : 0.0;
 #else
     return r_from_bits(r_bits(a) & (bits64)m);
@@ -210,7 +213,7 @@ R_INLINE real r_blend(mask m, real a, real b)
     return _mm512_mask_blend_pd(m, b, a);
 #elif LANES == 4 && defined(__AVX__)
     return _mm256_blendv_pd(b, a, (real)m);
-#elif LANES == 1
+#elif LANES == 1 && !defined(__wasm__)
     return m ? a : b;
 #else
     return r_from_bits((r_bits(a) & (bits64)m) | (r_bits(b) & ~(bits64)m));

@@ -29,7 +29,7 @@ from ..errors import (
 )
 from ..prepare.scenario import joined
 from ..results.responses import Response
-from ..scenario import effects
+from ..scenario import effects, starts
 from ..scenario.files import about
 from ..scenario.labels import RAW
 from ..scenario.scenario import Scenario, Source
@@ -318,30 +318,13 @@ def seeded_inputs(
     study: Definition, system: System, labels: Sequence[str]
 ) -> tuple[tuple[str, ...], tuple[Connection, ...]]:
     """Components that get the run's seed, and outputs handed over at the start of a run."""
-    base = study.base
-    seeded = tuple(
-        name
-        for name in CORE_COMPONENTS
-        if "seed" in system.components[name].parameters
-        and "seed" not in getattr(base, name).model_fields_set
-    )
-    own = base.receiver.parameters or {}
-    drawing = tuple(
-        label
-        for label in labels
-        if "seed" in system.components[label].parameters and "seed" not in own
-    )
-    if not seeded:
+    seeded = starts.seeded(study.base, system.components, labels)
+    if not set(seeded) & set(CORE_COMPONENTS):
         raise ConfigurationError(
             f"{study.name}: seed: must be left to the study in at least one of "
             f"{', '.join(CORE_COMPONENTS)}, got a seed of its own in each"
         )
-    handovers = tuple(
-        Connection("target.position", f"{label}.prior_position")
-        for label in labels
-        if base.true_prior and "prior_position" in system.components[label].parameters
-    )
-    return (*seeded, *drawing), handovers
+    return seeded, starts.handovers(study.base, system.components, labels)
 
 
 def receivers_of(study: Definition) -> list[Source]:

@@ -47,22 +47,23 @@ def library(driver: Driver, compiler: Compiler | None = None) -> Path:
     BuildError
         The library must be compiled, but there is no compiler or it fails.
     """
-    return factory.library(driver.name, _sources(driver), driver.lanes, compiler)
+    return factory.library(driver.name, sources(driver), driver.lanes, compiler)
 
 
 def key(driver: Driver, platform: str) -> str:
     """Cache key of a driver, made from everything except the compiler."""
-    return factory.library_key(driver.name, _sources(driver), driver.lanes, platform)
+    return factory.library_key(driver.name, sources(driver), driver.lanes, platform)
 
 
-def _sources(driver: Driver) -> dict[str, bytes]:
+def sources(driver: Driver) -> dict[str, bytes]:
+    """All C files of a driver, by name."""
     files, folder = (f"{driver.name}.c", *driver.includes), driver.folder or FOLDER
-    sources = {file: (folder / file).read_bytes() for file in files}
+    found = {file: (folder / file).read_bytes() for file in files}
     if driver.header:
-        sources[f"{driver.name}.h"] = driver.header.encode()
+        found[f"{driver.name}.h"] = driver.header.encode()
     if driver.lanes:
-        sources |= c_files.engine_headers()
-    return sources
+        found |= c_files.engine_headers()
+    return found
 
 
 @cache

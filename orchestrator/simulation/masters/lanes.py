@@ -125,7 +125,7 @@ def execute(
         many lanes.
     """
     while True:
-        batch = _Batch(plan, variations, handovers, record, settling_ns, lanes)
+        batch = LanesBatch(plan, variations, handovers, record, settling_ns, lanes)
         # Results do not depend on the number of lanes; fewer lanes need less memory.
         if not percentages or batch.lanes == 1 or batch.room_bytes <= ROOM_BYTES:
             break
@@ -138,8 +138,18 @@ _Varied = tuple[NDArray[np.int64], Floats]
 """Elements of a component's parameters, and their values; (k,) and (runs, k)."""
 
 
-class _Batch:
-    """A plan in the C driver's structures, and the parameters of all runs."""
+class LanesBatch:
+    """A plan in the C driver's structures, and the parameters of all runs.
+
+    Attributes
+    ----------
+    arrays
+        What ``struct plan`` points to, by field; the instants are in ``instants``.
+    starts
+        By component: parameters and inputs before the start, as in the plan.
+    needs_holding
+        By component: whether its values must be kept while it is not due.
+    """
 
     def __init__(
         self,
@@ -182,8 +192,15 @@ class _Batch:
 
     @property
     def room_bytes(self) -> int:
-        """Memory for the errors of a group of runs [bytes]: lengths, then keys and candidates."""
-        return self.room * (len(self.receivers) * 8 + 2 + 8) * len(LENGTHS) * self.lanes
+        """Memory for the errors of a group of runs [bytes]."""
+        return sum(self.errors_bytes.values())
+
+    @property
+    def errors_bytes(self) -> dict[str, int]:
+        """The same by the pointers of ``struct errors``."""
+        values = self.room * len(LENGTHS) * self.lanes
+        return {"squares": len(self.receivers) * values * 8, "keys": values * 2,
+                "candidates": values * 8}
 
     def _varied(self, variations: Mapping[str, Any]) -> tuple[int, dict[int, _Varied]]:
         """Number of runs, and the varied parameters of each component."""
@@ -251,22 +268,22 @@ class _Batch:
         same = len({*intervals}) == 1
         self.needs_holding = [not same and interval != base for interval in intervals]
         engines, links, judged, truth = layout.arrays
-        arrays = (
-            engines,
-            (ctypes.c_int64 * len(intervals))(*intervals),
-            links,
-            (Link * len(given))(*given),
-            judged,
-            truth,
-            (Span * len(self.spans))(*self.spans),
-        )
-        self._kept = arrays
+        self.arrays = {
+            "components": engines,
+            "interval_ns": (ctypes.c_int64 * len(intervals))(*intervals),
+            "links": links,
+            "handovers": (Link * len(given))(*given),
+            "receivers": judged,
+            "truth": truth,
+            "spans": (Span * len(self.spans))(*self.spans),
+        }
         self.c_plan = LanesPlan(
             len(intervals), len(links), len(given), len(judged), len(self.spans),
             len(self.instants), self.remembered,
             truth is not None and self.needs_holding[truth.target],
-            *(None if a is None else ctypes.addressof(a) for a in arrays),
-            self.instants.ctypes.data, settling_ns,
+            settling_ns=settling_ns,
+            instants_ns=self.instants.ctypes.data,
+            **{n: None if a is None else ctypes.addressof(a) for n, a in self.arrays.items()},
         )
 
     def run(self, threads: int, progress: Callable[[float], None] | None) -> RunsOutcome:
@@ -395,7 +412,7 @@ __all__ = ["RunsOutcome", "execute", "unsupported"]
 class LanesMemory:
     """Memory for one thread."""
 
-    def __init__(self, batch: _Batch) -> None:
+    def __init__(self, batch: LanesBatch) -> None:
         self._kept: list[NDArray[Any]] = []
         blocks, held = [], []
         for engine, holds in zip(batch.engines, batch.needs_holding, strict=True):
@@ -408,16 +425,15 @@ class LanesMemory:
         self.held = (ctypes.c_void_p * len(held))(*held)
         self.errors = self._room_for_errors(batch)
 
-    def _room_for_errors(self, batch: _Batch) -> Errors | None:
+    def _room_for_errors(self, batch: LanesBatch) -> Errors | None:
         """Space for the errors of a group, if order statistics are requested."""
         if not batch.percentages:
             return None
         given = np.array(batch.percentages, np.int32)
         self._kept.append(given)
-        values = batch.room * len(LENGTHS) * batch.lanes
-        sizes = (len(batch.receivers) * values * 8, values * 2, values * 8)
         return Errors(
-            batch.room, len(given), given.ctypes.data, *(self._aligned(size) for size in sizes)
+            batch.room, len(given), given.ctypes.data,
+            **{name: self._aligned(size) for name, size in batch.errors_bytes.items()},
         )
 
     def _aligned(self, size: int) -> int:

@@ -1,0 +1,1 @@
+"""Whole simulations as WebAssembly: modules, plans, and the script that runs them."""

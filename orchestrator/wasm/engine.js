@@ -1,0 +1,320 @@
+// Runs whole simulations: modules and plans of the lanes master, here or in workers. It needs
+// nothing but WebAssembly, and works in browsers and in node. The README of this folder says what
+// modules and plans hold.
+
+const GROUPS = 16; // groups of runs in a call
+const PAGE = 65536;
+
+/** A plan: its description (parsed JSON) and its numbers (an ArrayBuffer). */
+export class Plan {
+  constructor(description, content) {
+    Object.assign(this, description, { content });
+  }
+
+  /** The initial parameters and inputs of a component, by its number; they may be changed. */
+  start(component) {
+    const [at, size] = this.components[component].start;
+    return new Float64Array(this.content, at, size / 8);
+  }
+
+  /** Set a parameter before the start: `set("acoustics.range_std", [0.3])`. */
+  set(name, values) {
+    const [owner, parameter] = name.split(".");
+    const component = this.components.findIndex((it) => it.name === owner);
+    const element = this.components[component]?.parameters[parameter];
+    if (element === undefined) throw new Error(`${name}: must be a parameter of the plan`);
+    this.start(component).set(values, element);
+  }
+
+  /** The times of all instants [ns], 64-bit integers; the start first. */
+  get instants() {
+    const [at, size] = this.arrays.instants_ns;
+    return new BigInt64Array(this.content, at, size / 8);
+  }
+}
+
+/** A module, for one number of beacons and of lanes. */
+export class Engine {
+  /** Compile a module from its bytes. */
+  static async load(bytes) {
+    return new Engine(await WebAssembly.compile(bytes));
+  }
+
+  constructor(module) {
+    const [description] = WebAssembly.Module.customSections(module, "sblcosim");
+    Object.assign(this, JSON.parse(new TextDecoder().decode(description)));
+    this.module = module;
+    this.wasm = new WebAssembly.Instance(module, {}).exports;
+  }
+
+  /**
+   * Run a plan once for each seed.
+   *
+   * Returns, by receiver, in the order of the seeds: `sums` (runs, this.sums.length), and `order`
+   * (runs, this.lengths.length, percentages): percentiles of the lengths of the errors [m], NaN
+   * without an estimate. An Error says which parameter does not fit.
+   */
+  run(plan, seeds, percentages = []) {
+    const groups = Math.min(GROUPS, Math.ceil(seeds.length / this.lanes));
+    const place = this.#lay(plan, groups, percentages, false);
+    const { lanes } = this, receivers = plan.receivers.length;
+    const made = (size) => Object.fromEntries(
+      plan.receivers.map((name) => [name, new Float64Array(seeds.length * size)]));
+    const sizes = [this.sums.length, this.lengths.length * percentages.length];
+    const [sums, order] = sizes.map(made);
+    for (let first = 0; first < seeds.length; first += groups * lanes) {
+      const count = Math.min(groups, Math.ceil((seeds.length - first) / lanes));
+      this.#drive(plan, place, seeds.slice(first, first + count * lanes), count);
+      for (let run = 0; run < count * lanes && first + run < seeds.length; run++) {
+        const group = Math.floor(run / lanes), lane = run % lanes;
+        plan.receivers.forEach((name, r) => {
+          const at = (size, i) => ((group * receivers + r) * size + i) * lanes + lane;
+          for (let i = 0; i < sizes[0]; i++)
+            sums[name][(first + run) * sizes[0] + i] = place.sums[at(sizes[0], i)];
+          percentages.forEach((_, p) => this.lengths.forEach((_, l) => {
+            const to = ((first + run) * this.lengths.length + l) * percentages.length + p;
+            order[name][to] = place.order[at(sizes[1], p * this.lengths.length + l)];
+          }));
+        });
+      }
+    }
+    return { sums, order };
+  }
+
+  /** The record of one run: by name, the values at all instants, (instants, ...shape). */
+  record(plan, seed) {
+    const place = this.#lay(plan, 1, [], true);
+    this.#drive(plan, place, [seed], 1);
+    const n = plan.numbers.n_instants, found = {};
+    let from = 0;
+    for (const { name, shape } of plan.record) {
+      const size = shape.reduce((a, b) => a * b, 1), values = new Float64Array(n * size);
+      for (let k = 0; k < values.length; k++) {
+        const element = Math.floor(k / size) * place.width + from + (k % size);
+        values[k] = place.record[element * this.lanes];
+      }
+      found[name] = values;
+      from += size;
+    }
+    return found;
+  }
+
+  /** Write a plan to the memory, with room for a number of groups. */
+  #lay(plan, groups, percentages, recorded) {
+    if (plan.beacons !== this.beacons)
+      throw new Error(`the plan must be for ${this.beacons} beacons, got ${plan.beacons}`);
+    const { lanes } = this, memory = this.wasm.memory;
+    let end = this.wasm.__heap_base.value;
+    const take = (bytes) => {
+      const at = Math.ceil(end / 64) * 64;
+      end = at + bytes;
+      return at;
+    };
+    const engines = plan.components.map(({ type }) => this.#engine(type));
+    const count = engines.length, receivers = plan.receivers.length;
+    const width = plan.record.reduce((sum, it) => sum + it.shape.reduce((a, b) => a * b, 1), 0);
+    const content = take(plan.content.byteLength);
+    const { structures } = this;
+    const [at, components, blocks, held, values, errors] =
+      [structures.plan.size, count * 4, count * 4, count * 4, count * 4, structures.errors.size]
+        .map(take);
+    const moments = take(plan.numbers.remembered * this.moment * lanes * 8);
+    const block = engines.map((k) => take(k.block_size));
+    const hold = engines.map((k, c) =>
+      plan.components[c].held ? take((k.parameters + k.inputs + k.outputs) * lanes * 8) : 0);
+    const value = engines.map((k) => take(groups * (k.parameters + k.inputs) * lanes * 8));
+    const sizes = {
+      sums: groups * receivers * this.sums.length * lanes,
+      order: groups * receivers * percentages.length * this.lengths.length * lanes,
+      record: recorded ? plan.numbers.n_instants * width * lanes : 0,
+    };
+    const results = Object.entries(sizes).map(([name, size]) => [name, take(size * 8), size]);
+    const flags = take(16), asked = take(percentages.length * 4);
+    const room = percentages.length ? Object.fromEntries(Object.entries(plan.errors_bytes).map(
+      ([name, size]) => [name, take(size * lanes)])) : {};
+    const more = Math.ceil((end - memory.buffer.byteLength) / PAGE);
+    if (more > 0) memory.grow(more); // typed arrays from before end here
+    new Uint8Array(memory.buffer, content).set(new Uint8Array(plan.content));
+    const pointers = Object.entries(plan.arrays).map(([name, [from]]) => [name, content + from]);
+    this.#write("plan", at, { ...plan.numbers, components, ...Object.fromEntries(pointers) });
+    const words = new Uint32Array(memory.buffer);
+    words.set(engines.map((k) => k.at), components / 4);
+    words.set(block, blocks / 4);
+    words.set(hold, held / 4);
+    words.set(value, values / 4);
+    words.set(percentages, asked / 4);
+    words.fill(0, flags / 4, flags / 4 + 4);
+    this.#write("errors", errors, {
+      room: plan.room, n_percentages: percentages.length, percentages: asked, ...room });
+    const views = results.map(([name, from, size]) =>
+      [name, new Float64Array(memory.buffer, from, size)]);
+    const places = Object.fromEntries(results.map(([name, from]) => [name, from]));
+    return {
+      ...Object.fromEntries(views), width, engines, value,
+      call: (groups) => this.wasm.sblcosim_drive(
+        at, blocks, held, moments, BigInt(groups), values, places.sums,
+        recorded ? places.record : 0, percentages.length ? errors : 0, places.order,
+        flags, flags + 8),
+    };
+  }
+
+  /** Run groups of a plan; copies of the last run fill up the last group. */
+  #drive(plan, place, seeds, groups) {
+    const { lanes } = this, last = seeds.length - 1;
+    place.engines.forEach((k, c) => {
+      const start = plan.start(c), n = start.length;
+      const to = new Float64Array(this.wasm.memory.buffer, place.value[c], groups * n * lanes);
+      for (let g = 0; g < groups; g++)
+        for (let i = 0; i < n; i++) to.fill(start[i], (g * n + i) * lanes, (g * n + i + 1) * lanes);
+      for (const [component, element] of plan.seeds)
+        for (let run = 0; component === c && run < groups * lanes; run++)
+          to[(Math.floor(run / lanes) * n + element) * lanes + (run % lanes)] =
+            seeds[Math.min(run, last)];
+    });
+    const status = Number(place.call(groups));
+    if (status === -2) throw new Error("a receiver must not give more estimates than updates");
+    if (status > 0) {
+      const { name, parameters } = plan.components[(status & 0xffff) - 1];
+      const element = Math.floor(status / 65536) - 1;
+      const [parameter] = Object.entries(parameters).reduce((nearest, it) =>
+        it[1] <= element && it[1] > nearest[1] ? it : nearest, ["", -1]);
+      throw new Error(`${name}.${parameter}: must be the same in all runs side by side, and an ` +
+        "interval must be whole nanoseconds");
+    }
+  }
+
+  /** The fields of the engine of a component, and its address. */
+  #engine(type) {
+    const number = this.components.indexOf(type);
+    if (number < 0)
+      throw new Error(`a component must be one of ${this.components.join(", ")}; got ${type}`);
+    const at = this.wasm.sblcosim_engine(number);
+    const view = new DataView(this.wasm.memory.buffer, at);
+    return Object.entries(this.structures.engine.fields).reduce(
+      (found, [name, [offset]]) => ({ ...found, [name]: view.getUint32(offset, true) }), { at });
+  }
+
+  /** Write a C structure, by the names of its fields; others are 0. */
+  #write(structure, at, values) {
+    const { fields } = this.structures[structure];
+    const view = new DataView(this.wasm.memory.buffer, at);
+    for (const [name, [offset, size]] of Object.entries(fields))
+      if (size === 8) view.setBigInt64(offset, BigInt(values[name] ?? 0), true);
+      else view.setInt32(offset, values[name] ?? 0, true);
+  }
+}
+
+/** In a worker: answer the messages of a `Pool`. The port is `self`, or node's `parentPort`. */
+export function serve(port) {
+  let engine;
+  const plans = {};
+  port.addEventListener("message", ({ data }) => {
+    const { id, module, name, plan, seeds, percentages } = data;
+    try {
+      if (module) engine = new Engine(module);
+      if (plan) plans[name] = new Plan(plan.description, plan.content);
+      const result = seeds ? engine.run(plans[name], seeds, percentages) : null;
+      port.postMessage({ id, result });
+    } catch (error) {
+      port.postMessage({ id, error: error.message });
+    }
+  });
+  port.start?.();
+}
+
+/** Workers that share runs: what a run gives depends on its seed, never on who runs it when. */
+export class Pool {
+  #engine;
+  #last = 0;
+
+  /** Workers whose script calls `serve`; `engine`: a loaded module. */
+  constructor(engine, workers) {
+    this.#engine = engine;
+    this.workers = workers.map((worker) => {
+      const own = { worker, waiting: new Map(), dead: null, ready: null };
+      const listen = (name, act) => worker.addEventListener
+        ? worker.addEventListener(name, (event) => act(event.data ?? event))
+        : worker.on(name, act);
+      listen("message", ({ id, result, error }) => {
+        const [done, fail] = own.waiting.get(id);
+        own.waiting.delete(id);
+        if (error === undefined) done(result);
+        else fail(new Error(error));
+      });
+      for (const name of ["error", "exit"])
+        listen(name, (event) => {
+          own.dead = new WorkerDied(`a worker ended: ${event.message ?? event}`);
+          for (const [, fail] of own.waiting.values()) fail(own.dead);
+        });
+      this.#prepare(own, { module: engine.module });
+      return own;
+    });
+  }
+
+  /** Give all workers a plan, under a name. */
+  add(name, plan) {
+    const { content, ...description } = plan;
+    for (const own of this.workers) this.#prepare(own, { name, plan: { description, content } });
+  }
+
+  /**
+   * As `Engine.run`, in parts of the workers. The part of a worker that dies goes to another one.
+   */
+  async run(name, seeds, percentages = [], part = 64) {
+    const waiting = [], results = [];
+    for (let first = 0; first < seeds.length; first += part) waiting.push(first);
+    const work = async (own) => {
+      while (waiting.length && !own.dead) {
+        const first = waiting.shift();
+        try {
+          await own.ready;
+          results[first / part] = await this.#ask(
+            own, { name, seeds: seeds.slice(first, first + part), percentages });
+        } catch (error) {
+          if (!(error instanceof WorkerDied)) {
+            waiting.length = 0;
+            throw error;
+          }
+          waiting.unshift(first);
+        }
+      }
+    };
+    while (waiting.length) {
+      const alive = this.workers.filter((own) => !own.dead);
+      if (!alive.length) throw this.workers[0]?.dead ?? new Error("there must be a worker");
+      await Promise.all(alive.map(work));
+    }
+    return joined(results);
+  }
+
+  /** What a worker must have done before it runs; `run` throws the error, if any. */
+  #prepare(own, message) {
+    own.ready = Promise.all([own.ready, this.#ask(own, message)]);
+    own.ready.catch(() => {});
+  }
+
+  #ask(own, message) {
+    if (own.dead) return Promise.reject(own.dead);
+    const id = ++this.#last;
+    return new Promise((done, fail) => {
+      own.waiting.set(id, [done, fail]);
+      own.worker.postMessage({ id, ...message });
+    });
+  }
+}
+
+class WorkerDied extends Error {}
+
+/** Parts of results, one after another. */
+function joined(parts) {
+  const all = (kind, name) => {
+    const arrays = parts.map((it) => it[kind][name]);
+    const whole = new Float64Array(arrays.reduce((sum, it) => sum + it.length, 0));
+    let at = 0;
+    for (const it of arrays) { whole.set(it, at); at += it.length; }
+    return whole;
+  };
+  const kinds = ["sums", "order"].map((kind) => [kind, Object.fromEntries(
+    Object.keys(parts[0]?.[kind] ?? {}).map((name) => [name, all(kind, name)]))]);
+  return Object.fromEntries(kinds);
+}
