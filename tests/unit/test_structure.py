@@ -69,7 +69,7 @@ TWICE = {
 }
 """Names of classes that have two meanings, and why."""
 
-WRITTEN = (".py", ".c", ".h", ".m", ".md", ".toml", ".jinja", ".css", ".sh", ".ipynb")
+WRITTEN = (".py", ".c", ".h", ".m", ".md", ".toml", ".jinja", ".css", ".js", ".sh", ".ipynb")
 DATA = ("csv", "fmu", "html", "json", "parquet", "svg", "xml")
 """How names of files end that are made."""
 NOWHERE = {"Platform6": "the component Platform, built for six beacons"}

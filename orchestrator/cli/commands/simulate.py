@@ -67,6 +67,10 @@ def run(
     animate: Annotated[
         bool, typer.Option("--animate", help="Add an animation of the run, MP4 or GIF.")
     ] = False,
+    replay: Annotated[
+        bool,
+        typer.Option("--replay", help="Add a page that plays the run back, replay.html."),
+    ] = False,
     log: Annotated[
         bool,
         typer.Option(
@@ -97,7 +101,8 @@ def run(
 
     if runs is not None:
         for option, given in (
-            ("--animate", animate), ("--log", log), ("--trajectories", trajectories),
+            ("--animate", animate), ("--replay", replay), ("--log", log),
+            ("--trajectories", trajectories),
         ):  # fmt: skip
             if given:
                 raise ConfigurationError(f"{option}: must be given without --runs")
@@ -143,8 +148,8 @@ def run(
             before=unless_other(wanted, other),
         )
         folder = result.save(
-            wanted, figures=not no_figures, other=other, artist=artist, animate=animate, log=log,
-            trajectories=trajectories or (),
+            wanted, figures=not no_figures, other=other, artist=artist, animate=animate,
+            replay=replay, log=log, trajectories=trajectories or (),
         )  # fmt: skip
     report(result, folder, wanted, as_json, verbose)
     refuse_silence(result)
