@@ -1,9 +1,9 @@
 """Numbers of a page: whole millimetres and milliseconds, packed.
 
 A page holds columns of integers of 32 bits. In a column, each integer is replaced by its difference
-to the one before it (modulo 2³²), zigzag-coded: 2 d for d ≥ 0, −2 d − 1 for d < 0. The lowest bytes of
-all columns come first, then the next bytes, and so on: most of the high ones are 0. All of them are
-compressed with zlib, and written as base64. ``js/data.js`` reads them.
+to the one before it (modulo 2³²), zigzag-coded: 2 d for d ≥ 0, −2 d − 1 for d < 0. The lowest bytes
+of all columns come first, then the next bytes, and so on, as most of the high ones are 0. All of
+them are compressed with zlib, and written as base64. ``js/data.js`` reads them.
 """
 
 from __future__ import annotations

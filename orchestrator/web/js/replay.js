@@ -100,7 +100,7 @@ class Page {
       this.remeasure();
     }
     const t = parseFloat(asked.get("t"));
-    this.player.seek(Number.isNaN(t) ? this.player.time : t);
+    this.player.seek(Number.isNaN(t) ? this.state.time : t);
   }
 
   turnTo(space) {

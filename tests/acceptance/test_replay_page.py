@@ -1,0 +1,358 @@
+"""The page that plays a run back, in a real browser without a network.
+
+Skipped where there is no Chromium.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+import sblcosim
+from browser import BROWSER, Tab
+from quick import few
+from sblcosim import Result, style
+from sblcosim.cli import app
+from sblcosim.judge.definitions import of_position
+from typer.testing import CliRunner
+
+pytestmark = pytest.mark.skipif(BROWSER is None, reason="needs Chromium")
+
+HALF_A_CENTIMETRE = 0.005 + 0.002  # what is shown, from whole millimetres of estimate and truth
+SHORT = {"time.duration_s": 60.0}
+SIX: dict[str, Any] = {
+    "platform.beacons": 6, "time.duration_s": 60.0,
+}
+RUNS: dict[str, tuple[str, tuple[str, ...], dict[str, Any]]] = {
+    "platform": ("realistic-dive", ("coupled", "ekf"), SHORT),
+    "quick": ("paper-scenario-1", (), {"time.duration_s": 20.0}),
+    "bottom": ("harbour-lbl", (), SHORT),
+    "buoys": ("gps-buoys", (), SHORT),
+    "sea": ("realistic-sea", (), SHORT),
+    "six": ("realistic-dive", (), SIX),
+}
+HELPERS = """
+const $ = (id) => document.getElementById(id);
+const all = (selector) => [...document.querySelectorAll(selector)];
+const change = (control, value) => {
+  control.value = value;
+  for (const name of ["input", "change"]) control.dispatchEvent(new Event(name, { bubbles: true }));
+};
+const seek = (t) => change($("time"), t);
+const pixels = (id) => {
+  const { width, height } = $(id), pen = new OffscreenCanvas(width, height).getContext("2d");
+  pen.drawImage($(id), 0, 0);
+  return pen.getImageData(0, 0, width, height).data;
+};
+const near = (id, colour) => {
+  const data = pixels(id), [r, g, b] = [1, 3, 5].map((i) => parseInt(colour.slice(i, i + 2), 16));
+  let count = 0;
+  for (let i = 0; i < data.length; i += 4) {
+    count += Math.abs(data[i] - r) + Math.abs(data[i + 1] - g) + Math.abs(data[i + 2] - b) < 12;
+  }
+  return count;
+};
+const print = (id) => pixels(id).reduce((sum, v, i) => (sum * 31 + v + i) % 1000000007, 7);
+"""
+
+
+@cache
+def result_of(name: str, seed: int) -> Result:
+    scenario, receivers, changes = RUNS[name]
+    return sblcosim.run(scenario, receivers, overrides={**changes, "seed": seed})
+
+
+def page_of(name: str, folder: Path, seed: int = 1) -> tuple[Result, Path]:
+    result = result_of(name, seed)
+    return result, result.replay(folder / "replay.html")
+
+
+def number(text: str) -> float:
+    return float("nan") if text == "–" else float(text.replace("−", "-"))
+
+
+@pytest.fixture
+def browsing(tmp_path: Path) -> Iterator[Callable[..., Tab]]:
+    """Open a page in a browser; in the end, it must not have complained, nor asked for more."""
+    tabs: list[tuple[Tab, Path]] = []
+
+    def open_(page: Path, width: int = 1400, link: str = "", **options: bool) -> Tab:
+        tab = Tab(tmp_path, width, 844 if width < 500 else 1000, **options)
+        tabs.append((tab, page))
+        tab.open(page, link)
+        return tab
+
+    try:
+        yield open_
+        for tab, page in tabs:
+            assert tab.complaints == []
+            assert [address.partition("#")[0] for address in tab.asked] == [page.as_uri()]
+    finally:
+        for tab, _ in tabs:
+            tab.close()
+
+
+@pytest.mark.parametrize("seed", few([1, 7, 19], quick=[1]))
+@pytest.mark.parametrize("name", RUNS)
+def test_the_numbers_shown_at_a_time_are_those_of_the_run(
+    name: str, seed: int, tmp_path: Path, browsing: Callable[..., Tab]
+) -> None:
+    result, page = page_of(name, tmp_path, seed)
+    stop = result.record.time_ns[-1] / 1e9
+    at = np.random.default_rng(seed).uniform(0, stop, 20)
+    times = sorted({*np.round(at, 3).tolist(), 0.0, float(stop)})
+    shown = browsing(page).run(f"""{HELPERS}
+      const cells = (what) => all(`[data-cell="${{what}}"]`).map((e) => e.textContent);
+      return {{ names: all("tbody label span").map(e => e.textContent),
+        at: {json.dumps(times)}.map((t) => {{
+          seek(t);
+          return {{ clock: $("clock").textContent, error: cells("error"), claim: cells("claim"),
+            position: ["x", "y", "z"].map(cells),
+            truth: all("[data-truth]").map((e) => e.textContent) }};
+        }}) }};
+    """)
+    assert shown["names"] == [*result.receivers]
+    compared = 0
+    for t, told in zip(times, shown["at"], strict=True):
+        assert told["clock"] == f"{t:.1f} s"
+        position, _ = result.truth.state_at(np.array([round(t * 1e9)]))
+        assert [number(x) for x in told["truth"]] == pytest.approx(position[0], abs=0.05)
+        for i, judged in enumerate(result.judged.values()):
+            since, until = judged.since_ns / 1e9, judged.until_ns / 1e9
+            which = np.flatnonzero((since <= t) & ((t < until) | (t == stop)))[-1:]
+            if not len(which):
+                assert told["error"][i] == told["claim"][i] == told["position"][0][i] == "–"
+                continue
+            (k,) = which
+            error = float(np.sqrt(judged.square[k]))
+            assert number(told["error"][i]) == pytest.approx(error, abs=HALF_A_CENTIMETRE)
+            own = [number(axis[i]) for axis in told["position"]]
+            assert own == pytest.approx(judged.estimates.position[k], abs=HALF_A_CENTIMETRE)
+            compared += 1
+    assert compared > len(times)
+
+
+@pytest.mark.parametrize("seed", few([2, 3, 4], quick=[2]))
+def test_what_is_claimed_holds_95_percent_of_normal_errors(
+    seed: int, tmp_path: Path, browsing: Callable[..., Tab]
+) -> None:
+    result, page = page_of("platform", tmp_path, seed)
+    shown = browsing(page).run(f"""{HELPERS}
+      const found = {{}};
+      for (const {{ value }} of $("kind").options) {{
+        change($("kind"), value);
+        found[value] = ["claim", "error"].map(
+          (what) => all(`#receiver-0 [data-cell="${{what}}"]`)[0].textContent);
+      }}
+      return found;
+    """)
+    judged = result.judged["coupled"]
+    assert judged.estimates.covariance is not None
+    P, error = of_position(judged.estimates.covariance)[-1], judged.error[-1]
+    draws = np.random.default_rng(seed).multivariate_normal(np.zeros(3), P, 200_000)
+    of = {"total": [0, 1, 2], "horizontal": [0, 1], "x": [0], "y": [1], "z": [2]}
+    assert {*shown} == {*of}
+    for kind, axes in of.items():
+        lengths = np.linalg.norm(draws[:, axes], axis=1)
+        claim, off = map(number, shown[kind])
+        assert claim == pytest.approx(np.quantile(lengths, 0.95), rel=0.03, abs=0.01)
+        expected = error[axes[0]] if len(axes) == 1 else float(np.linalg.norm(error[axes]))
+        assert off == pytest.approx(expected, abs=HALF_A_CENTIMETRE)
+
+
+TIME = "return replay.player.time"
+
+
+def test_keys_and_buttons_play_it_and_move_its_time(
+    tmp_path: Path, browsing: Callable[..., Tab]
+) -> None:
+    result, page = page_of("platform", tmp_path)
+    stop = result.record.time_ns[-1] / 1e9
+    tab = browsing(page, link="t=33")
+    step = max(stop / 400, 0.1)
+    assert tab.run(TIME) == 33.0
+    for keys, time in (
+        (["Home"], 0.0), (["ArrowRight", "ArrowRight"], 2 * step), (["ArrowLeft"], step),
+        (["End"], stop), (["ArrowRight"], stop), (["Home", "ArrowLeft"], 0.0),
+    ):
+        for key in keys:
+            tab.key(key)
+        assert tab.run(TIME) == pytest.approx(time)
+    tab.run("document.getElementById('time').focus()")
+    tab.key("PageUp")
+    tab.key("ArrowUp")
+    assert tab.run(TIME) == pytest.approx(stop / 20 + step)
+    playing = "return [replay.player.playing, document.getElementById('play').ariaLabel]"
+    tab.run(f"{HELPERS} change($('speed'), '10')")
+    tab.key(" ")
+    assert tab.run(playing) == [True, "Pause"]
+    before = tab.run(TIME)
+    rate = tab.run(
+        "const t = performance.now(), from = replay.player.time; await sleep(700); await frame();"
+        "return (replay.player.time - from) / (performance.now() - t) * 1000"
+    )
+    assert 3.0 < rate < 11.0
+    tab.key(" ")
+    assert tab.run(playing) == [False, "Play"]
+    paused = tab.run(TIME)
+    assert paused > before
+    assert tab.run(f"await sleep(200); {TIME}") == paused
+    tab.run("document.querySelector('input[type=checkbox]').focus()")
+    tab.key(" ")
+    assert tab.run(playing) == [False, "Play"]
+    assert not tab.run("return document.querySelector('input[type=checkbox]').checked")
+    again = "document.getElementById('play').click(); return replay.player.time"
+    assert tab.run(f"replay.player.seek(1e9); {again}") == 0.0
+
+
+@pytest.mark.parametrize("touch", [False, True])
+def test_a_click_or_a_finger_on_the_errors_moves_the_time(
+    touch: bool, tmp_path: Path, browsing: Callable[..., Tab]
+) -> None:
+    result, page = page_of("platform", tmp_path)
+    stop = result.record.time_ns[-1] / 1e9
+    tab = browsing(page, 390 if touch else 1400, touch=touch)
+    at = ("document.getElementById('errors').scrollIntoView({ block: 'center' });"
+          "const box = document.getElementById('errors').getBoundingClientRect();"
+          "return [0.25, 0.75].map((share) => [box.left + replay.plot.x(replay.run.start"
+          " + share * replay.span), box.top + 60])")
+    first, second = tab.run(at)
+    move = tab.touch if touch else tab.drag
+    move(first)
+    assert tab.run(f"await frame(); {TIME}") == pytest.approx(0.25 * stop, abs=0.01 * stop)
+    move(first, second)
+    assert tab.run(f"await frame(); {TIME}") == pytest.approx(0.75 * stop, abs=0.01 * stop)
+    words = tab.run("return document.getElementById('time').getAttribute('aria-valuetext')")
+    assert re.match(r"45\.\d s of 60.0 s; coupled is off by ", words)
+
+
+@pytest.mark.parametrize("dark", [False, True])
+def test_a_receiver_can_be_hidden_in_map_and_errors(
+    dark: bool, tmp_path: Path, browsing: Callable[..., Tab]
+) -> None:
+    _, page = page_of("platform", tmp_path)
+    tab = browsing(page, dark=not dark)
+    tab.dark(dark)  # while it is shown
+    look = style.THEMES["dark" if dark else "light"]
+    first, second = look.receivers[:2]
+    found = tab.run(f"""{HELPERS}
+      await frame();
+      const both = ["{first}", "{second}"];
+      const counts = () => ["map", "errors"].map((id) => both.map((colour) => near(id, colour)));
+      const box = all("[data-receiver='1']")[0], found = {{ before: counts() }};
+      found.paper = getComputedStyle(all(".player")[0]).backgroundColor;
+      box.click(); found.hidden = counts(); found.words = $("map").ariaLabel;
+      box.click(); found.shown = counts();
+      return found;
+    """)
+    rgb = ", ".join(str(int(look.paper[i : i + 2], 16)) for i in (1, 3, 5))
+    assert found["paper"] == f"rgb({rgb})"
+    assert np.min(found["before"]) > 20
+    assert found["shown"] == found["before"]
+    for own, other in found["hidden"]:
+        assert own > 20
+        assert other == 0
+    assert "coupled" in found["words"]
+    assert "ekf" not in found["words"]
+
+
+@pytest.mark.parametrize("name", RUNS)
+@pytest.mark.parametrize("width", [390, 1400])
+def test_it_fits_the_window_and_is_seen_from_above_and_in_space(
+    name: str, width: int, tmp_path: Path, browsing: Callable[..., Tab]
+) -> None:
+    _, page = page_of(name, tmp_path)
+    tab = browsing(page, width, touch=width < 500)
+    found = tab.run(f"""{HELPERS}
+      const root = document.documentElement, outside = all("button, input, select, td, canvas, li");
+      return {{ width: root.clientWidth, needed: root.scrollWidth,
+        outside: outside.map((e) => e.getBoundingClientRect()).filter((at) => at.width
+          && (at.left < -0.5 || at.right > root.clientWidth + 0.5)).length,
+        unnamed: all("button, input, select, canvas").filter((e) => !(e.ariaLabel
+          || e.textContent.trim() || e.closest("label")?.textContent.trim())).length }};
+    """)
+    assert found["needed"] <= found["width"]
+    assert found["outside"] == found["unnamed"] == 0
+    box = tab.run("const map = document.getElementById('map').getBoundingClientRect();"
+                  "return [map.left, map.top, map.width, map.height]")
+    x, y = box[0] + box[2] / 2, box[1] + box[3] / 2
+    drag = tab.touch if width < 500 else tab.drag
+
+    def seen(act: Callable[[], object]) -> int:
+        act()
+        return int(tab.run(f"await frame(); {HELPERS} return print('map')"))
+
+    def press(button: str) -> Callable[[], object]:
+        return lambda: tab.run(f"document.getElementById('{button}').click()")
+
+    def sideways() -> None:
+        drag((x, y), (x + 30, y + 2), (x + 50, y + 4))
+
+    plan = seen(lambda: None)
+    assert seen(sideways) == plan
+    nearer, moved = seen(press("nearer")), seen(sideways)
+    assert seen(press("whole")) == plan
+    space, turned = seen(press("space")), seen(sideways)
+    assert seen(press("space")) == plan
+    assert len({plan, nearer, moved, space, turned}) == 5
+
+
+def test_pictures_are_saved_as_png_and_svg(
+    tmp_path: Path, browsing: Callable[..., Tab]
+) -> None:
+    result, page = page_of("platform", tmp_path)
+    found = browsing(page, link="t=30").run(f"""{HELPERS}
+      const saved = {{}}, found = {{}};
+      let blob;
+      URL.createObjectURL = (made) => {{ blob = made; return "#t=30"; }};
+      HTMLAnchorElement.prototype.click = function () {{ saved[this.download] = blob; }};
+      for (const button of all("[data-save]")) {{ button.click(); await sleep(300); }}
+      for (const [name, blob] of Object.entries(saved)) {{
+        if (name.endsWith("png")) {{
+          const image = await createImageBitmap(blob);
+          found[name] = [image.width, image.height];
+        }} else found[name] = await blob.text();
+      }}
+      return found;
+    """)
+    kinds = ("png", "svg")
+    assert {*found} == {f"{it}-30s.{kind}" for it in ("map", "errors") for kind in kinds}
+    for name in ("map", "errors"):
+        svg = found[f"{name}-30s.svg"]
+        root = ElementTree.fromstring(svg)
+        size = [int(root.attrib[side]) for side in ("width", "height")]
+        assert found[f"{name}-30s.png"] == [2 * length for length in size]
+        words = " ".join(root.itertext())
+        assert f"{result.title}, at 30.0 s" in words
+        assert all(receiver in words for receiver in result.receivers)
+        assert style.THEMES["light"].receivers[0] in svg
+        assert "NaN" not in svg
+
+
+def test_the_command_writes_the_page_with_the_verdict_of_the_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, browsing: Callable[..., Tab]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    words = ["run", "realistic-dive", "--set", "time.duration_s=30", "--no-figures", "--seed", "5"]
+    ran = CliRunner().invoke(app, [*words, "--replay", "--out", "dive"])
+    assert ran.exit_code == 0, ran.output
+    page = tmp_path / "dive" / "replay.html"
+    assert "replay.html" in json.loads((page.parent / "manifest.json").read_text())["files"]
+    found = browsing(page.rename(tmp_path / "alone.html")).run(f"""{HELPERS}
+      return {{ title: all("h1")[0].textContent, run: all("header p")[0].textContent,
+        verdict: all(".verdict li").map((e) => e.textContent.trim()) }};
+    """)
+    assert found["title"] == "A realistic dive"
+    assert found["run"] == "realistic-dive, seed 5"
+    verdict = ran.stdout.split("\n\n")[0]
+    assert " ".join(found["verdict"]).split() == verdict.split()
+    refused = CliRunner().invoke(app, [*words, "--replay", "--runs", "2", "--out", "many"])
+    assert refused.exit_code == 2
+    assert "--replay: must be given without --runs" in refused.output
