@@ -9,7 +9,9 @@ from __future__ import annotations
 import re
 from importlib import resources
 
-_IMPORT = re.compile(r'^import \{([^}]*)\} from "\./([\w-]+)\.js";\n', re.MULTILINE)
+_IMPORT = re.compile(
+    r'^import \{\s*(\w+(?:,\s*\w+)*,?)\s*\} from "\./(\w+)\.js";\n', re.MULTILINE
+)
 _EXPORT = re.compile(r"^export (?=(?:async function|function|class|const) (\w+))", re.MULTILINE)
 _OTHER = re.compile(r"^(?:import|export)\b.*", re.MULTILINE)
 
@@ -46,7 +48,7 @@ def _add(name: str, done: dict[str, str], above: tuple[str, ...]) -> None:
         if other not in done:
             _add(other, done, (*above, name))
     names = _EXPORT.findall(text)
-    text = _IMPORT.sub(r"const {\1} = modules.\2;\n", text)
+    text = _IMPORT.sub(r"const { \1 } = modules.\2;\n", text)
     text = _EXPORT.sub("", text)
     if wrong := _OTHER.search(text):
         raise ValueError(f"{name}.js: must be written as only two forms allow, got {wrong[0]}")
