@@ -387,7 +387,7 @@ class Result(Answer):
                 file = draft.folder / f"{animation.NAME}{animation.kind_of()}"
                 animation.write(self.record, self.tracks, file, theme)
             if replay:
-                page.write(self.playback, draft.folder / page.NAME)
+                page.write(self._played(), draft.folder / page.NAME)
             if log:
                 self._write_log(draft.folder / "log", Path(directory) / "log")
         return draft.saved
@@ -448,20 +448,14 @@ class Result(Answer):
             ) from error
         return target
 
-    @property
-    def playback(self) -> playback.Playback:
-        """What a page plays back of this run."""
-        return playback.of_record(
-            self.record, self.judged, self.title, self.run, self.answer.splitlines()
-        )
-
-    @property
-    def run(self) -> str:
-        """Which run this is: the scenario and its seed."""
+    def _played(self) -> playback.Playback:
         seeds = {*self.seeds.values()}
         each = ", ".join(f"{component} {seed}" for component, seed in self.seeds.items())
         told = f"seed {seeds.pop()}" if len(seeds) == 1 else f"seeds {each}" if seeds else ""
-        return ", ".join(filter(None, [self.scenario_name, told]))
+        run = ", ".join(filter(None, [self.scenario_name, told]))
+        return playback.of_record(
+            self.record, self.judged, self.title, run, self.answer.splitlines()
+        )
 
     def replay(self, file: str | Path) -> Path:
         """Write the run as one HTML file that plays it back, without a network.
@@ -478,9 +472,9 @@ class Result(Answer):
         Raises
         ------
         ConfigurationError
-            The file cannot be written.
+            The file cannot be written, or the run has no receivers.
         """
-        return page.write(self.playback, file)
+        return page.write(self._played(), file)
 
     def _write_tables(self, folder: Path, directory: str | Path) -> None:
         for name, table in self.tables.items():

@@ -12,6 +12,7 @@ import numpy as np
 from ..data.arms import are_far
 from ..data.estimates import Floats, Integers
 from ..data.truth import recorded
+from ..errors import ConfigurationError
 from ..judge.definitions import of_position
 from ..scenario.labels import FIXES
 from ..shown import Shown
@@ -136,7 +137,15 @@ class Playback(Shown):
 def of_record(
     record: Record, judged: Mapping[str, Judged], title: str, run: str, verdict: Sequence[str]
 ) -> Playback:
-    """A run, from its record and the estimates with the truth."""
+    """A run, from its record and the estimates with the truth.
+
+    Raises
+    ------
+    ConfigurationError
+        There are no receivers.
+    """
+    if not judged:
+        raise ConfigurationError("replay: the run must have a receiver, got none")
     kept = _some(len(record))
     beacons, reported = (
         recorded(record, f"platform.{which}beacon_position")[kept] for which in ("", "reported_")
