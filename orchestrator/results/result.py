@@ -387,7 +387,7 @@ class Result(Answer):
                 file = draft.folder / f"{animation.NAME}{animation.kind_of()}"
                 animation.write(self.record, self.tracks, file, theme)
             if replay:
-                page.write(self._played(), draft.folder / page.NAME)
+                page.write(self._played(directory), draft.folder / page.NAME)
             if log:
                 self._write_log(draft.folder / "log", Path(directory) / "log")
         return draft.saved
@@ -448,13 +448,15 @@ class Result(Answer):
             ) from error
         return target
 
-    def _played(self) -> playback.Playback:
+    def _played(self, place: str | Path) -> playback.Playback:
+        """What a page plays back that will be in a folder."""
         seeds = {*self.seeds.values()}
         each = ", ".join(f"{component} {seed}" for component, seed in self.seeds.items())
         told = f"seed {seeds.pop()}" if len(seeds) == 1 else f"seeds {each}" if seeds else ""
-        run = ", ".join(filter(None, [self.scenario_name, told]))
         return playback.of_record(
-            self.record, self.judged, self.title, run, self.answer.splitlines()
+            self.record, self.judged, title=self.title, verdict=self.answer.splitlines(),
+            run=", ".join(filter(None, [self.scenario_name, told])),
+            scenario=self._scenario_file(place) if hasattr(self.scenario, "dump_toml") else "",
         )
 
     def replay(self, file: str | Path) -> Path:
@@ -474,7 +476,7 @@ class Result(Answer):
         ConfigurationError
             The file cannot be written, or the run has no receivers.
         """
-        return page.write(self._played(), file)
+        return page.write(self._played(Path(file).parent), file)
 
     def _write_tables(self, folder: Path, directory: str | Path) -> None:
         for name, table in self.tables.items():

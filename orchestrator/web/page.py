@@ -66,8 +66,9 @@ def content(played: Playback) -> dict[str, Any]:
     columns = columns_of(played)
     return {
         "title": played.title,
-        "start": played.start_ns / 1e9,
-        "stop": played.stop_ns / 1e9,
+        "start": (played.start_ns - played.zero_ns) / 1e9,
+        "stop": (played.stop_ns - played.zero_ns) / 1e9,
+        "error": played.error,
         "axes": played.axes,
         "arms": played.has_arms,
         "beacons": 0 if (there := _beacons(played)) is None else there.shape[1],

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
 
@@ -71,7 +71,7 @@ class PlayedReceiver(Shown):
         truth
             True positions at the epochs, NED [m]; (m, 3).
         """
-        kept = _some(len(estimates))
+        kept = some_of(len(estimates))
         factor = factor_of(estimates)
         # What stood until the next of those that are kept, stands as one.
         ends = np.append(kept[1:] - 1, len(estimates) - 1) if len(kept) else kept
@@ -109,6 +109,12 @@ class Playback(Shown):
         Estimates, the main receiver first.
     remarks
         What a reader must know about the picture.
+    scenario
+        The scenario as run, the text of its file; empty if there is none.
+    zero_ns
+        The instant that is shown as 0 [ns].
+    error
+        Kind of error that is shown first: ``total`` or ``horizontal``.
     """
 
     title: str
@@ -123,6 +129,9 @@ class Playback(Shown):
     reported: Floats | None = None
     receivers: Sequence[PlayedReceiver] = ()
     remarks: Sequence[str] = ()
+    scenario: str = ""
+    zero_ns: int = 0
+    error: Literal["total", "horizontal"] = "total"
 
     @property
     def has_arms(self) -> bool:
@@ -135,9 +144,14 @@ class Playback(Shown):
 
 
 def of_record(
-    record: Record, judged: Mapping[str, Judged], title: str, run: str, verdict: Sequence[str]
+    record: Record, judged: Mapping[str, Judged], **words: Any
 ) -> Playback:
     """A run, from its record and the estimates with the truth.
+
+    Parameters
+    ----------
+    words
+        What a `Playback` says: ``title``, ``run``, ``verdict``, ``scenario``.
 
     Raises
     ------
@@ -146,7 +160,7 @@ def of_record(
     """
     if not judged:
         raise ConfigurationError("replay: the run must have a receiver, got none")
-    kept = _some(len(record))
+    kept = some_of(len(record))
     beacons, reported = (
         recorded(record, f"platform.{which}beacon_position")[kept] for which in ("", "reported_")
     )
@@ -155,7 +169,7 @@ def of_record(
         for label, it in judged.items()
     ]
     return Playback(
-        title=title, run=run, verdict=verdict, time_ns=record.time_ns[kept],
+        **words, time_ns=record.time_ns[kept],
         start_ns=int(record.time_ns[0]), stop_ns=int(record.time_ns[-1]),
         diver=recorded(record, "target.position")[kept], beacons=beacons,
         reported=None if np.array_equal(beacons, reported) else reported,
@@ -182,7 +196,7 @@ def remarks(instants: int, estimates: Mapping[str, int]) -> list[str]:
     return [f"Drawn: {', '.join(told)}. The verdicts are on all of them."] if told else []
 
 
-def _some(n: int) -> Integers:
+def some_of(n: int) -> Integers:
     """Indices of every k-th of n rows, and of the last one: at most `MOST`."""
     step = ceil(n / MOST) or 1
     return np.arange(n)[::-step][::-1]

@@ -118,6 +118,7 @@ function drawSpace(pen, view, run, state, look) {
   pen.strokeStyle = look.soft;
   line(pen, rows(run.diver).map(([x, y]) => view.project(x, y, high[2])));
   const [x, y] = pointAt(run.diver, run.time, state.time);
+  if (Number.isNaN(x + y)) { pen.restore(); return; }
   pen.setLineDash([2, 3]);
   line(pen, [view.project(x, y, 0), view.project(x, y, high[2])]);
   pen.restore();
@@ -206,7 +207,7 @@ function drawEstimate(pen, view, run, receiver, state, look) {
 function drawBeacons(pen, view, run, beacons, time, look, reported) {
   const at = beacons.map((it) => reported
     ? pointAt(it, run.time, time, true) : wavePointAt(it, run.time, time));
-  const places = at.map((p) => view.project(...p));
+  const places = at.map((p) => view.project(...p)).filter(([x, y]) => !Number.isNaN(x + y));
   const middle = view.project(...[0, 1, 2].map((k) => at.reduce((sum, p) => sum + p[k] / at.length, 0)));
   const colour = reported ? look.soft : look.ink;
   pen.save();
@@ -233,6 +234,7 @@ function drawBeacons(pen, view, run, beacons, time, look, reported) {
 
 function drawDiver(pen, view, run, time, look) {
   const [x, y] = view.project(...pointAt(run.diver, run.time, time));
+  if (Number.isNaN(x + y)) return;
   pen.save();
   pen.beginPath();
   pen.arc(x, y, 5.5, 0, 2 * Math.PI);
@@ -278,8 +280,9 @@ function drawLabels(pen, view, run, look) {
     write(pen, run.axes[0], ...view.project(high[0] + 0.06 * (high[0] - low[0]), e, 0), look.ink, look.water);
     write(pen, run.axes[1], ...view.project(n, high[1] + 0.06 * (high[1] - low[1]), 0), look.ink, look.water);
     pen.textAlign = "left";
-    const text = `box down to depth ${decimal(high[2], high[2] < 10 ? 1 : 0)} m`;
-    write(pen, text, 8, 17, look.soft, look.water);
+    pen.textAlign = "right";
+    const text = `box down to ${decimal(high[2], high[2] < 10 ? 1 : 0)} m`;
+    write(pen, text, view.width - 8, view.height - 10, look.soft, look.water);
   }
   pen.textAlign = "left";
 }

@@ -27,7 +27,7 @@ function surface(canvas, changed) {
 }
 
 class Page {
-  constructor(run, title) {
+  constructor(run, title, kind) {
     this.run = run;
     this.title = title;
     this.span = run.stop - run.start;
@@ -35,7 +35,7 @@ class Page {
     this.view = new View();
     this.plot = new ErrorPlot(run);
     this.state = {
-      time: run.stop, kind: "total", shown: run.receivers.map(() => true),
+      time: run.stop, kind, shown: run.receivers.map(() => true),
       fixes: run.receivers.map((it) => it.fix),
     };
     this.state.box = boxOf(run, this.state.shown);
@@ -221,7 +221,7 @@ class Page {
 async function start() {
   const content = JSON.parse($("run").textContent);
   const run = await readRun(content);
-  window.replay = new Page(run, content.title);
+  window.replay = new Page(run, content.title, content.error);
   document.body.classList.add("ready");
 }
 

@@ -66,7 +66,9 @@ def test_thousandths_are_rounded_and_what_is_unknown_or_too_large_is_kept_apart(
 @pytest.mark.parametrize("scenario", ["paper-scenario-1", "realistic-dive", "gps-buoys"])
 def test_the_data_of_a_page_are_those_of_the_run(scenario: str, seed: int, tmp_path: Path) -> None:
     result = sblcosim.run(scenario, overrides={"time.duration_s": 30.0, "seed": seed})
-    told, back = read_back(result.replay(tmp_path / "replay.html").read_text("utf-8"))
+    text = result.replay(tmp_path / "replay.html").read_text("utf-8")
+    told, back = read_back(text)
+    assert f"seed = {seed}" in text.partition("<pre")[2]  # the scenario, as a file
     values = result.record.values
     np.testing.assert_allclose(back["time"] / 1e3, result.record.time_ns / 1e9, atol=5.1e-4)
 
@@ -176,7 +178,8 @@ def of_shape(record: Record, receivers: list[str]) -> playback.Playback:
     epoch = record.time_ns[1:-1:3]
     own = Estimates(epoch_ns=epoch, position=truth.state_at(epoch)[0] + 1.0)
     judged = {name: intact(name, own, truth) for name in receivers}
-    return playback.of_record(record, judged, "Shape", "shape", ["ekf: </script> & <b>"])
+    words = {"title": "Shape", "run": "shape", "verdict": ["ekf: </script> & <b>"]}
+    return playback.of_record(record, judged, **words)
 
 
 def test_words_of_the_user_cannot_break_a_page() -> None:
@@ -240,7 +243,7 @@ def test_the_page_of_an_equal_run_stays_in_its_folder(result: Result, tmp_path: 
     folder = result.save(tmp_path / "run", figures=False, replay=True)
     assert (folder / page.NAME).is_file()
     result.save(tmp_path / "run", figures=False, other="replace")
-    alone = result.replay(tmp_path / "alone.html")
+    alone = result.replay(tmp_path / "run" / "alone.html")
     assert (folder / page.NAME).read_bytes() == alone.read_bytes()
 
 
