@@ -353,6 +353,20 @@ def test_the_command_writes_the_page_with_the_verdict_of_the_run(
     assert found["run"] == "realistic-dive, seed 5"
     verdict = ran.stdout.split("\n\n")[0]
     assert " ".join(found["verdict"]).split() == verdict.split()
-    refused = CliRunner().invoke(app, [*words, "--replay", "--runs", "2", "--out", "many"])
-    assert refused.exit_code == 2
-    assert "--replay: must be given without --runs" in refused.output
+
+
+def test_of_many_runs_the_typical_and_the_worst_one_can_be_played(
+    tmp_path: Path, browsing: Callable[..., Tab]
+) -> None:
+    short = ["--set", "time.duration_s=30", "--no-figures", "--runs", "5", "--seed", "3"]
+    out = ["--out", str(tmp_path / "many"), "--json"]
+    ran = CliRunner().invoke(app, ["run", "realistic-dive", *short, "--replay", *out])
+    assert ran.exit_code == 0, ran.output
+    drawn = json.loads(ran.stdout)["drawn"]
+    assert {*drawn} == {"typical", "worst"}
+    for which, one in drawn.items():
+        page = tmp_path / "many" / which / "replay.html"
+        assert "replay.html" in json.loads((page.parent / "manifest.json").read_text())["files"]
+        told = browsing(page).run(f"{HELPERS} return document.body.textContent")
+        assert f"realistic-dive, seed {one['seed']}" in told
+        assert f"{one['rms_m']:.1f} m RMS" in told

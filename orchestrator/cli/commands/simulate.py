@@ -17,6 +17,7 @@ from ..common.app import (
     JsonOption,
     NoFiguresOption,
     ReceiverOption,
+    ReplayOption,
     RunnableArgument,
     SeedOption,
     SetOption,
@@ -67,10 +68,7 @@ def run(
     animate: Annotated[
         bool, typer.Option("--animate", help="Add an animation of the run, MP4 or GIF.")
     ] = False,
-    replay: Annotated[
-        bool,
-        typer.Option("--replay", help="Add a page that plays the run back, replay.html."),
-    ] = False,
+    replay: ReplayOption = False,
     log: Annotated[
         bool,
         typer.Option(
@@ -94,15 +92,14 @@ def run(
     the folder has the record and the manifest.
 
     With --runs N, prints the errors of each receiver over N runs, with mean and spread. The folder
-    has their tables, and subfolders with a typical and the worst run. After Ctrl-C or a crash, the
-    same command continues, also with more runs.
+    has their tables, and subfolders with a typical and the worst run, each with --replay a page.
+    After Ctrl-C or a crash, the same command continues, also with more runs.
     """
     from ...results.figures.artist import forked_artist
 
     if runs is not None:
         for option, given in (
-            ("--animate", animate), ("--replay", replay), ("--log", log),
-            ("--trajectories", trajectories),
+            ("--animate", animate), ("--log", log), ("--trajectories", trajectories),
         ):  # fmt: skip
             if given:
                 raise ConfigurationError(f"{option}: must be given without --runs")
@@ -119,7 +116,9 @@ def run(
                     master=master, step_timeout=step_timeout, progress=progress, keep=keep,
                     before=unless_other(wanted, other),
                 )  # fmt: skip
-                folder = many.save(wanted, figures=not no_figures, other=other)
+                folder = many.save(
+                    wanted, figures=not no_figures, other=other, replay=replay
+                )
         report(many, folder, wanted, as_json, verbose)
         refuse_silence(many)
         return

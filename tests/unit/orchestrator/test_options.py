@@ -89,7 +89,6 @@ CASES = [
     Case(("run", SCENARIO), (api.run,)),
     Case(("run", SCENARIO, "--runs", "3"), (run_many,),
          without={"--animate": "is of one run, and is refused",
-                  "--replay": "is of one run, and is refused",
                   "--log": "is of one run, and is refused",
                   "--trajectories": "are of one run, and are refused"}),
     Case(("smooth", "runs/x"), (smooth,)),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from base64 import b64encode
+from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -12,12 +13,14 @@ from typing import Any
 import numpy as np
 import pytest
 import sblcosim
-from sblcosim import ConfigurationError, Result
+from made_logs import CORNERS, made
+from sblcosim import ConfigurationError, Result, process
 from sblcosim.data.estimates import Estimates
 from sblcosim.data.record import Record
 from sblcosim.data.truth import of_record
 from sblcosim.judge.definitions import of_position
 from sblcosim.judge.metrics import intact
+from sblcosim.processing import pages
 from sblcosim.web import bundle, columns, page, playback
 from seams import Seam
 from shapes import SHAPES, run_of
@@ -281,3 +284,53 @@ def test_other_forms_of_modules_are_refused(modules: dict[str, str], why: str, s
     seam.instead(bundle.source, lambda name: modules[Path(name).stem])
     with pytest.raises(ValueError, match=why):
         bundle.bundled("a")
+
+
+def test_the_page_of_a_log_has_what_the_log_has(tmp_path: Path) -> None:
+    processed = process(made(start_s=1.7e9, seconds=120), ["long_baseline"])
+    told, back = read_back(processed.replay(tmp_path / "replay.html").read_text("utf-8"))
+    log, (own, *_) = processed.log, processed.made.values()
+    assert log.truth is not None
+    assert [told["start"], told["stop"]] == [0.0, (log.stop_ns - log.start_ns) / 1e9]
+    assert [it["label"] for it in told["receivers"]] == [*processed.made]
+    since = back["0.since"]
+    assert (np.diff(since) >= 0).all()
+    assert (back["0.until"] >= since).all()
+    order = np.argsort(back["0.epoch"], kind="stable")
+    position = np.column_stack([back[f"0.{axis}"][order] for axis in "xyz"]) / 1e3
+    by_epoch = own.position[np.argsort(own.epoch_ns, kind="stable")]
+    np.testing.assert_allclose(position, by_epoch, atol=5.1e-4)
+    errors = np.column_stack([back[f"0.{a}"] - back[f"0.true.{a}"] for a in "xyz"]) / 1e3
+    errors = errors[(back["0.true.x"] != columns.MISSING)]
+    rms = np.sqrt((errors**2).sum(axis=1).mean())
+    assert rms == pytest.approx(processed.receivers.total_rms_m["long_baseline"], abs=2e-3)
+    for i, corner in enumerate(CORNERS):  # fixed
+        place = np.column_stack([back[f"reported.{i}.{axis}"] for axis in "xyz"]) / 1e3
+        np.testing.assert_allclose(place, np.tile(corner, (len(place), 1)), atol=5.1e-4)
+    assert not any(name.startswith("beacon.") for name in back)
+
+
+def test_the_page_of_a_log_without_truth_or_depth_is_written(tmp_path: Path) -> None:
+    blind = process(made(truth=False, seconds=120)).replay(tmp_path / "blind.html")
+    told, back = read_back(blind.read_text("utf-8"))
+    assert not any(name.startswith("diver") or ".true." in name for name in back)
+    assert told["error"] == "total"
+    flat = process(made(plane=True, seconds=120)).replay(tmp_path / "flat.html")
+    assert read_back(flat.read_text("utf-8"))[0]["error"] == "horizontal"
+
+
+def test_beacons_of_a_log_stay_where_they_last_said_they_were() -> None:
+    log = made(seconds=40)
+    moved = log.receptions.beacon_position.copy()
+    moved[20:] += 5.0
+    moving = replace(log, receptions=replace(log.receptions, beacon_position=moved))
+    reported = process(moving, ["long_baseline"])
+    told, back = read_back(page.render(pages.played(reported)))
+    at = back["time"] / 1e3 + told["start"]
+    heard = reported.log.receptions
+    for i in range(4):
+        own = heard.beacon == i
+        epochs = (heard.epoch_ns[own] - reported.log.start_ns) / 1e9
+        last = np.maximum(np.searchsorted(epochs, at + 1e-6, side="right") - 1, 0)
+        expected = heard.beacon_position[own][last, 0]
+        np.testing.assert_allclose(back[f"reported.{i}.x"] / 1e3, expected, atol=5.1e-4)
