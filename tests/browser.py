@@ -9,6 +9,7 @@ import subprocess
 import sys
 from base64 import b64decode
 from pathlib import Path
+from tempfile import mkdtemp
 from typing import Any
 
 BROWSER = next(
@@ -70,7 +71,7 @@ class Tab:
         (theirs, self._out), (self._in, answers) = os.pipe(), os.pipe()
         self._process = subprocess.Popen(
             [sys.executable, "-c", _EXEC, str(theirs), str(answers), BROWSER, *_OPTIONS,
-             "--remote-debugging-pipe", f"--user-data-dir={folder / 'profile'}", "about:blank"],
+             "--remote-debugging-pipe", f"--user-data-dir={mkdtemp(dir=folder)}", "about:blank"],
             pass_fds=(theirs, answers), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
         )
         os.close(theirs)

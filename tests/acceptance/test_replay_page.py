@@ -14,6 +14,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
+import pandas as pd
 import pytest
 import sblcosim
 from browser import BROWSER, Tab
@@ -21,6 +22,8 @@ from quick import few
 from sblcosim import Result, style
 from sblcosim.cli import app
 from sblcosim.judge.definitions import of_position
+from sblcosim.study import store
+from sblcosim.words.numbers import measured, meters
 from typer.testing import CliRunner
 
 pytestmark = pytest.mark.skipif(BROWSER is None, reason="needs Chromium")
@@ -30,6 +33,15 @@ SHORT = {"time.duration_s": 60.0}
 SIX: dict[str, Any] = {
     "platform.beacons": 6, "time.duration_s": 60.0,
 }
+STUDY = """
+name = "small"
+scenario = "paper-scenario-1"
+replicates = 3
+fixed = { "time.duration_s" = 10.0 }
+[factors.baseline]
+keys = ["platform.arm_length_m"]
+levels = [0.4, 3.0]
+"""
 RUNS: dict[str, tuple[str, tuple[str, ...], dict[str, Any]]] = {
     "platform": ("realistic-dive", ("coupled", "ekf"), SHORT),
     "quick": ("paper-scenario-1", (), {"time.duration_s": 20.0}),
@@ -353,6 +365,46 @@ def test_the_command_writes_the_page_with_the_verdict_of_the_run(
     assert found["run"] == "realistic-dive, seed 5"
     verdict = ran.stdout.split("\n\n")[0]
     assert " ".join(found["verdict"]).split() == verdict.split()
+
+
+def test_the_worst_run_of_the_best_receiver_of_a_comparison_can_be_played(
+    tmp_path: Path, browsing: Callable[..., Tab]
+) -> None:
+    words = ["compare", "realistic-dive", "harbour-square", "--receiver", "ekf", "--receiver",
+             "coupled", "--runs", "6", "--set", "time.duration_s=40", "--no-figures", "--replay",
+             "--seed", "4"]  # fmt: skip
+    ran = CliRunner().invoke(app, [*words, "--out", str(tmp_path / "both"), "--json"])
+    assert ran.exit_code == 0, ran.output
+    best = json.loads(ran.stdout)["receivers"][0]
+    table = pd.read_parquet(tmp_path / "both" / "runs.parquet")
+    worst = table.loc[table[f"{best}.absolute_total_rms_m"].idxmax()]
+    told = browsing(tmp_path / "both" / "replay.html").run(
+        f"{HELPERS} return all('header p').concat(all('.verdict li')).map((e) => e.textContent)"
+    )
+    assert told[0] == f"{worst['scenario']}, seed {worst['seed']}"
+    reached = next(line.strip() for line in told if line.strip().startswith(f"{best}: "))
+    assert meters(worst[f"{best}.absolute_total_rms_m"]) in reached
+
+
+def test_the_report_of_a_study_says_how_to_play_its_worst_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, browsing: Callable[..., Tab]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("small.toml").write_text(STUDY, "utf-8")
+    for words in (["study", "small.toml", "--out", "runs"], ["analyse", "runs", "--out", "page"]):
+        done = CliRunner().invoke(app, words)
+        assert done.exit_code == 0, done.output
+    report = Path("page/report.html").read_text("utf-8")
+    command = re.search(r"sblcosim (replay runs \S+ --replay)", report)
+    assert command
+    done = CliRunner().invoke(app, [*command[1].split(), "--out", "worst", "--no-figures"])
+    assert done.exit_code == 0, done.output
+    table = store.table("runs")
+    largest = table["ekf.absolute_total_rms_m"].max()
+    assert f"ekf.absolute_total_rms_m is {measured(largest, 'm')}" in report
+    browsing(tmp_path / "worst" / "replay.html")
+    errors = pd.read_csv("worst/errors.csv").set_index(["receiver", "frame", "axis"])
+    assert errors.rms_m["ekf", "absolute", "total"] == pytest.approx(largest, rel=1e-12)
 
 
 def test_of_many_runs_the_typical_and_the_worst_one_can_be_played(

@@ -4,23 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from ... import artifacts
+from ... import artifacts, style
 from ...answer import Answer
 from ...catalogue import Job
 from ...lazy import Module
 from ...results.responses import unit_of
 from ...shown import Picture
+from ...web import page
 from ..common.evaluation import ALL
 from ..common.tables import DIFFERENCES, LEVELS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from ...results.result import Result
     from ...style import ThemeName
 
 words = Module("sblcosim.comparison.tournament.sentences")
@@ -141,6 +144,24 @@ class Tournament(Answer):
     def manifest(self) -> dict[str, Any]:
         """What was compared, as plain data."""
         return manifest_of(self.settings)
+
+    def save(
+        self, directory: str | Path, *, figures: bool = True, theme: ThemeName = "light",
+        other: artifacts.Other = "refuse", worst: Result | None = None,
+    ) -> Path:
+        """Like `Answer.save`, with a page that plays a run back.
+
+        Parameters
+        ----------
+        worst
+            The run for ``replay.html``, from `sblcosim.comparison.tournament.worst.worst_run`.
+        """
+        style.named(theme)
+        with artifacts.draft(directory, self.manifest(), other) as draft:
+            self.write(draft.folder, theme, figures)
+            if worst is not None:
+                worst.replay(draft.folder / page.NAME)
+        return draft.saved
 
     def to_json(self) -> dict[str, Any]:
         """Answer and tables as plain data; missing numbers are None."""
