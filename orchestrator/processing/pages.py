@@ -2,23 +2,41 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import Protocol
 
 import numpy as np
 
-from ..data.estimates import Floats, Integers
+from ..data.estimates import Estimates, Floats, Integers
 from ..data.truth import Truth
 from ..judge.definitions import standing
 from ..logs.log import Log
 from ..web.playback import Playback, PlayedReceiver, remarks, some_of
 from .quality import true_at
 
-if TYPE_CHECKING:
-    from ..data.estimates import Estimates
-    from .processed import Processed
+
+class PlayedLog(Protocol):
+    """What a page needs of a `sblcosim.Processed`."""
+
+    @property
+    def log(self) -> Log: ...
+    @property
+    def truth(self) -> Truth | None: ...
+    @property
+    def main(self) -> str: ...
+    @property
+    def truth_axes(self) -> bool: ...
+    @property
+    def title(self) -> str: ...
+    @property
+    def answer(self) -> str: ...
+    @property
+    def remarks(self) -> Sequence[str]: ...
+
+    def along(self, own_axes: bool) -> Mapping[str, Estimates]: ...
 
 
-def played(it: Processed) -> Playback:
+def played(it: PlayedLog) -> Playback:
     """What is along the axes of the main receiver; the platform as it reports itself."""
     log, own_axes = it.log, it.log.in_own_axes(it.main)
     truth = it.truth if own_axes == it.truth_axes else None

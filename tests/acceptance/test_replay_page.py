@@ -378,7 +378,7 @@ def test_the_worst_run_of_the_best_receiver_of_a_comparison_can_be_played(
     best = json.loads(ran.stdout)["receivers"][0]
     table = pd.read_parquet(tmp_path / "both" / "runs.parquet")
     worst = table.loc[table[f"{best}.absolute_total_rms_m"].idxmax()]
-    told = browsing(tmp_path / "both" / "replay.html").run(
+    told = browsing(tmp_path / "both" / "worst.html").run(
         f"{HELPERS} return all('header p').concat(all('.verdict li')).map((e) => e.textContent)"
     )
     assert told[0] == f"{worst['scenario']}, seed {worst['seed']}"

@@ -46,6 +46,7 @@ LONG_FUNCTIONS = {
     "comparison.tournament.run.compare": _OPTIONS,
     "cli.commands.studies.advise": _COMMAND,
     "cli.commands.studies.analyse": _COMMAND,
+    "cli.commands.studies.replay": _COMMAND,
     "cli.commands.studies.study": _COMMAND,
     "comparison.budget.run.budget": _OPTIONS,
     "processing.workflow.process": _OPTIONS,

@@ -86,7 +86,7 @@ def compare(
         bool,
         typer.Option(
             "--replay",
-            help="Add a page that plays back the best receiver's worst run, replay.html.",
+            help="Add a page that plays back the best receiver's worst run, worst.html.",
         ),
     ] = False,
 ) -> None:

@@ -16,7 +16,6 @@ from ...catalogue import Job
 from ...lazy import Module
 from ...results.responses import unit_of
 from ...shown import Picture
-from ...web import page
 from ..common.evaluation import ALL
 from ..common.tables import DIFFERENCES, LEVELS
 
@@ -31,6 +30,8 @@ drawings = Module("sblcosim.comparison.tournament.figures")
 
 RESPONSE = "absolute_total_rms_m"
 """Response that is compared by default."""
+WORST_PAGE = "worst.html"
+"""Page in the folder of a comparison that plays back a run."""
 
 
 def manifest_of(settings: Mapping[str, Any]) -> dict[str, Any]:
@@ -154,13 +155,13 @@ class Tournament(Answer):
         Parameters
         ----------
         worst
-            The run for ``replay.html``, from `sblcosim.comparison.tournament.worst.worst_run`.
+            The run for ``worst.html``, from `sblcosim.comparison.tournament.worst.worst_run`.
         """
         style.named(theme)
         with artifacts.draft(directory, self.manifest(), other) as draft:
             self.write(draft.folder, theme, figures)
             if worst is not None:
-                worst.replay(draft.folder / page.NAME)
+                worst.replay(draft.folder / WORST_PAGE)
         return draft.saved
 
     def to_json(self) -> dict[str, Any]:
