@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from sblcosim.fmus.stopping import interruptible
 
@@ -291,10 +292,10 @@ def _worst(study: Study, table: pd.DataFrame, column: str, results: Path) -> lis
     """How to look at the run with the largest error, of a study that simulates errors."""
     if study.model is not None or unit_of(column.partition(".")[2]) != "m":
         return []
-    lengths = table[column].astype(float)
-    if not lengths.notna().any():
+    lengths = table[column].to_numpy(np.float64, na_value=np.nan)
+    if not np.isfinite(lengths).any():
         return []
-    row = table.loc[lengths.idxmax()]
+    row: Any = table.iloc[int(np.nanargmax(np.where(np.isfinite(lengths), lengths, np.nan)))]
     runs = store.table(results, lambda names: [n for n in names if n in _WHICH])
     mine = (runs["point"] == row["point"]) & (runs["replicate"] == row["replicate"])
     run_id = runs.loc[mine, "run_id"].iloc[0]
