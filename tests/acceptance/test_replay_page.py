@@ -287,11 +287,13 @@ def test_it_fits_the_window_and_is_seen_from_above_and_in_space(
       return {{ width: root.clientWidth, needed: root.scrollWidth,
         outside: outside.map((e) => e.getBoundingClientRect()).filter((at) => at.width
           && (at.left < -0.5 || at.right > root.clientWidth + 0.5)).length,
+        player: all(".player")[0].getBoundingClientRect().bottom - innerHeight,
         unnamed: all("button, input, select, canvas").filter((e) => !(e.ariaLabel
           || e.textContent.trim() || e.closest("label")?.textContent.trim())).length }};
     """)
     assert found["needed"] <= found["width"]
     assert found["outside"] == found["unnamed"] == 0
+    assert found["player"] <= 1  # always in sight
     box = tab.run("const map = document.getElementById('map').getBoundingClientRect();"
                   "return [map.left, map.top, map.width, map.height]")
     x, y = box[0] + box[2] / 2, box[1] + box[3] / 2

@@ -63,12 +63,11 @@ export function drawMap(pen, view, run, state, look) {
   pen.lineJoin = "round";
   (view.isPlan ? drawPlanGrid : drawSpace)(pen, view, run, state, look);
   drawPath(pen, view, run, state.time, look);
-  run.receivers.forEach((it, i) => { if (state.shown[i]) drawTrail(pen, view, it, state, look); });
+  const shown = run.receivers.filter((it, i) => state.shown[i]).reverse(); // the main one on top
+  for (const it of shown) drawTrail(pen, view, it, state, look);
   if (run.reported.length) drawBeacons(pen, view, run, run.reported, state.time, look, true);
   if (run.beacons.length) drawBeacons(pen, view, run, run.beacons, state.time, look, false);
-  run.receivers.forEach((it, i) => {
-    if (state.shown[i]) drawEstimate(pen, view, run, it, state, look);
-  });
+  for (const it of shown) drawEstimate(pen, view, run, it, state, look);
   if (run.diver) drawDiver(pen, view, run, state.time, look);
   drawLabels(pen, view, run, look);
   pen.restore();
