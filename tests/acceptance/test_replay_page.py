@@ -24,6 +24,7 @@ from sblcosim.cli import app
 from sblcosim.judge.definitions import of_position
 from sblcosim.study import store
 from sblcosim.words.numbers import measured, meters
+from scipy.interpolate import CubicHermiteSpline
 from typer.testing import CliRunner
 
 pytestmark = pytest.mark.skipif(BROWSER is None, reason="needs Chromium")
@@ -177,6 +178,87 @@ def test_what_is_claimed_holds_95_percent_of_normal_errors(
         assert claim == pytest.approx(np.quantile(lengths, 0.95), rel=0.03, abs=0.01)
         expected = error[axes[0]] if len(axes) == 1 else float(np.linalg.norm(error[axes]))
         assert off == pytest.approx(expected, abs=HALF_A_CENTIMETRE)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_an_ellipse_is_that_of_the_covariance_from_above_and_in_space(
+    seed: int, tmp_path: Path, browsing: Callable[..., Tab]
+) -> None:
+    _, page = page_of("platform", tmp_path)
+    draw = np.random.default_rng(seed)
+    L = np.tril(draw.normal(size=(3, 3)))
+    middle = draw.normal(size=3)
+    azimuth, elevation = draw.uniform(-3, 3), draw.uniform(0.1, 1.4)
+    seen = browsing(page).run(f"""
+      const view = replay.view, found = {{}};
+      for (const [name, look] of [["plan", () => view.plan()],
+                                  ["space", () => view.look({azimuth}, {elevation})]]) {{
+        look();
+        found[name] = {{ scale: view.scale, middle: view.project(...{middle.tolist()}),
+          axes: [[1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 0]].map((p) => view.project(...p)),
+          outline: view.outline({middle.tolist()}, {L.tolist()}, 2.5) }};
+      }}
+      return found;
+    """)
+    for name, it in seen.items():
+        *ends, zero = np.array(it["axes"])
+        M = (np.array(ends) - zero).T / it["scale"] * [[1], [-1]]  # right and up
+        np.testing.assert_allclose(M @ M.T, np.eye(2), atol=1e-9)  # a turned view, to scale
+        if name == "plan":
+            np.testing.assert_allclose(M, [[0, 1, 0], [1, 0, 0]], atol=1e-9)
+        else:
+            assert M[1, 2] == pytest.approx(-np.cos(elevation))  # depth is down
+            np.testing.assert_allclose(M[0], [-np.sin(azimuth), np.cos(azimuth), 0], atol=1e-9)
+        away = (np.array(it["outline"]) - it["middle"]) / it["scale"] * [1, -1]
+        P = M @ L @ L.T @ M.T
+        reach = np.einsum("ni,ij,nj->n", away, np.linalg.inv(P), away)
+        np.testing.assert_allclose(reach, 2.5**2, rtol=1e-6)
+        assert np.ptp(np.unwrap(np.arctan2(*away.T))) == pytest.approx(2 * np.pi, rel=1e-6)
+
+
+def test_motion_is_that_of_the_record_and_smooth_or_held_between(
+    tmp_path: Path, browsing: Callable[..., Tab]
+) -> None:
+    result, page = page_of("sea", tmp_path)
+    values, time = result.record.values, result.record.time_ns / 1e9
+    found = browsing(page).run("""
+      const { run } = replay, { pointAt, wavePointAt } = modules.data;
+      const at = (share) => Array.from(run.time.slice(0, -1), (t, i) => {
+        const when = t + share * (run.time[i + 1] - t);
+        return [pointAt(run.diver, run.time, when), wavePointAt(run.beacons[1], run.time, when),
+          pointAt(run.reported[1], run.time, when, true)];
+      });
+      return [at(0), at(0.4)];
+    """)
+    exact, between = (np.array(it).swapaxes(0, 1) for it in found)
+    diver = values["target.position"]
+    true, told = (values[f"platform.{which}beacon_position"][:, 1] for which in ("", "reported_"))
+    for own, record in zip(exact, (diver, true, told), strict=True):
+        np.testing.assert_allclose(own, record[:-1], atol=6e-4)
+    np.testing.assert_allclose(between[0], diver[:-1] + 0.4 * np.diff(diver, axis=0), atol=2e-3)
+    np.testing.assert_allclose(between[2], told[:-1], atol=6e-4)
+    slope = np.gradient(true, time, axis=0)  # at inner instants the slope of Catmull and Rom
+    cubic = CubicHermiteSpline(time, true, slope)(time[:-1] + 0.4 * np.diff(time))
+    np.testing.assert_allclose(between[1][1:-1], cubic[1:-1], atol=2e-3)
+
+
+def test_of_lengths_and_times_people_read_what_they_are(
+    tmp_path: Path, browsing: Callable[..., Tab]
+) -> None:
+    _, page = page_of("quick", tmp_path)
+    found = browsing(page).run("""
+      const { clock, metres, unitOf } = modules.words, { roundStep, ticks } = modules.pen;
+      return { clock: [[8.04, 60], [125.4, 3600], [3725, 9999], [-3, 60], [-65, 3600]].map(
+          (it) => clock(...it)),
+        metres: [1.005, -0.004, -2.5, NaN, 1234.567].map(metres),
+        unit: [60, 1200, 10800].map((span) => unitOf(span).name),
+        steps: [0.03, 0.2, 1, 3, 7].map(roundStep), ticks: ticks(-0.5, 1, 0.5) };
+    """)
+    assert found["clock"] == ["8.0 s", "2:05", "1:02:05", "−3.0 s", "−1:05"]
+    assert found["metres"] == ["1.00", "0.00", "−2.50", "–", "1234.57"]
+    assert found["unit"] == ["s", "min", "h"]
+    assert found["steps"] == pytest.approx([0.05, 0.2, 1, 5, 10])
+    assert found["ticks"] == [-0.5, 0, 0.5, 1]
 
 
 TIME = "return replay.player.time"
