@@ -22,7 +22,10 @@ from quick import few
 from sblcosim import Result, style
 from sblcosim.cli import app
 from sblcosim.judge.definitions import of_position
+from sblcosim.scenario.labels import FIXES
 from sblcosim.study import store
+from sblcosim.web.page import write
+from sblcosim.web.playback import Playback, PlayedReceiver
 from sblcosim.words.numbers import measured, meters
 from scipy.interpolate import CubicHermiteSpline
 from typer.testing import CliRunner
@@ -180,6 +183,77 @@ def test_what_is_claimed_holds_95_percent_of_normal_errors(
         assert off == pytest.approx(expected, abs=HALF_A_CENTIMETRE)
 
 
+@pytest.mark.parametrize("view", ["plan", "space"])
+@pytest.mark.parametrize("name", ["platform", "six", "buoys"])
+def test_the_map_shows_all_where_it_is(
+    name: str, view: str, tmp_path: Path, browsing: Callable[..., Tab]
+) -> None:
+    result, page = page_of(name, tmp_path)
+    at = 41
+    values = {key: value[at] for key, value in result.record.values.items()}
+    time_ns = result.record.time_ns[at]
+    points = {"diver": values["target.position"][None],
+              "true": values["platform.beacon_position"],
+              "reported": values["platform.reported_beacon_position"]}  # fmt: skip
+    filters = [it for it in result.receivers if it not in FIXES]
+    for label in filters:
+        judged = result.judged[label]
+        (k,) = np.flatnonzero((judged.since_ns <= time_ns) & (time_ns < judged.until_ns))
+        points[label] = judged.estimates.position[k][None]
+    asked = json.dumps({key: value.tolist() for key, value in points.items()})
+    found = browsing(page, link=f"t={time_ns / 1e9}&view={view}").run(f"""
+      const {{ view, run, state, look }} = replay;
+      const pen = new modules.pen.SvgPen(view.width, view.height);
+      modules.map.drawMap(pen, view, run, state, look);
+      const places = Object.entries({asked}).map(
+        ([name, points]) => [name, points.map((p) => view.project(...p))]);
+      return {{ svg: pen.toString(), places: Object.fromEntries(places) }};
+    """)
+    places = {key: np.array(value) for key, value in found["places"].items()}
+    look = style.THEMES["light"]
+    triangle = r'<path d="M(\S+) (\S+)L[^LMZ]+L[^LMZ]+Z" fill="{}"/>'
+    circle = r'<path d="M(\S+) (\S+)a{0} {0} [^"]*" fill="{1}"/>'
+    shapes = {"true": (triangle.format(look.ink), (0, 5)),
+              "reported": (triangle.format(look.paper), (0, -5)),
+              "diver": (circle.format(5.5, look.paper), (5.5, 0))}  # fmt: skip
+    for label, colour in zip(filters, look.receivers, strict=False):
+        shapes[label] = (circle.format(5, colour), (5, 0))
+    for key, (shape, shift) in shapes.items():
+        drawn = np.array(re.findall(shape, found["svg"]), float).reshape(-1, 2) + shift
+        np.testing.assert_allclose(drawn, places[key], atol=0.2)
+    arms = re.findall(r'<path d="M[^LMZ]+L[^LMZ]+" [^>]*stroke="#000000" stroke-width="1.5"',
+                      found["svg"])  # fmt: skip
+    expected = 0 if name == "buoys" else len(places["true"])
+    assert len(arms) == expected + (view == "space")  # and the bar of the scale
+
+
+def test_nothing_is_shown_of_a_receiver_while_no_estimate_of_it_stands(
+    tmp_path: Path, browsing: Callable[..., Tab]
+) -> None:
+    second = 10**9
+    time = np.arange(31) * second
+    path = np.column_stack([time / second, 0 * time, 5 + 0 * time])
+    since = np.array([2, 4, 20]) * second
+    gappy = PlayedReceiver(
+        label="ekf", epoch_ns=since, since_ns=since, until_ns=np.array([4, 9, 30]) * second,
+        position=path[[2, 4, 20]], truth=path[[2, 4, 20]] + 1,
+    )
+    page = write(Playback(
+        title="Gap", run="gap", verdict=["ekf: rests"], start_ns=0, stop_ns=30 * second,
+        time_ns=time, diver=path, receivers=[gappy],
+    ), tmp_path / "gap.html")  # fmt: skip
+    shown = browsing(page).run(f"""{HELPERS}
+      return [0, 1.9, 2, 8.9, 9, 19.9, 20, 29.9, 30].map((t) => {{
+        seek(t);
+        const cell = (what) => all(`[data-cell="${{what}}"]`)[0].textContent;
+        return [cell("error"), cell("x"), $("map").ariaLabel.split("; ")[1]];
+      }});
+    """)
+    none, some = ["–", "–", "ekf has no estimate"], "ekf is off by 1.73 m"
+    second_, last = ["1.73", "4.00", some], ["1.73", "20.00", some]
+    assert shown == [none, none, ["1.73", "2.00", some], second_, none, none, last, last, last]
+
+
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_an_ellipse_is_that_of_the_covariance_from_above_and_in_space(
     seed: int, tmp_path: Path, browsing: Callable[..., Tab]
@@ -302,6 +376,11 @@ def test_keys_and_buttons_play_it_and_move_its_time(
     tab.key(" ")
     assert tab.run(playing) == [False, "Play"]
     assert not tab.run("return document.querySelector('input[type=checkbox]').checked")
+    tab.run(f"{HELPERS} change($('speed'), '100'); replay.player.seek(replay.run.stop - 1)")
+    tab.run("document.getElementById('time').focus()")
+    tab.key(" ")
+    assert tab.run(f"while (replay.player.playing) await frame(); {TIME}") == stop
+    assert tab.run(playing) == [False, "Play"]
     again = "document.getElementById('play').click(); return replay.player.time"
     assert tab.run(f"replay.player.seek(1e9); {again}") == 0.0
 
@@ -413,7 +492,11 @@ def test_pictures_are_saved_as_png_and_svg(
       for (const [name, blob] of Object.entries(saved)) {{
         if (name.endsWith("png")) {{
           const image = await createImageBitmap(blob);
-          found[name] = [image.width, image.height];
+          const pen = new OffscreenCanvas(image.width, image.height).getContext("2d");
+          pen.drawImage(image, 0, 0);
+          const corner = pen.getImageData(image.width / 2, image.height / 2, image.width / 2,
+            image.height / 2).data;
+          found[name] = [image.width, image.height, new Set(new Uint32Array(corner.buffer)).size];
         }} else found[name] = await blob.text();
       }}
       return found;
@@ -424,7 +507,9 @@ def test_pictures_are_saved_as_png_and_svg(
         svg = found[f"{name}-30s.svg"]
         root = ElementTree.fromstring(svg)
         size = [int(root.attrib[side]) for side in ("width", "height")]
-        assert found[f"{name}-30s.png"] == [2 * length for length in size]
+        *pixels, colours = found[f"{name}-30s.png"]
+        assert pixels == [2 * length for length in size]
+        assert colours > 20  # in the lower right quarter: all is drawn to scale
         words = " ".join(root.itertext())
         assert f"{result.title}, at 30.0 s" in words
         assert all(receiver in words for receiver in result.receivers)
