@@ -379,8 +379,13 @@ def test_keys_and_buttons_play_it_and_move_its_time(
     tab.run(f"{HELPERS} change($('speed'), '100'); replay.player.seek(replay.run.stop - 1)")
     tab.run("document.getElementById('time').focus()")
     tab.key(" ")
-    assert tab.run(f"while (replay.player.playing) await frame(); {TIME}") == stop
+    end = "for (let i = 0; i < 500 && replay.player.playing; i++) await frame();"
+    assert tab.run(f"{end} {TIME}") == stop
     assert tab.run(playing) == [False, "Play"]
+    found = tab.run("location.hash = 't=12.5&view=space&error=x'; await sleep(50); await frame();"
+                    "return [replay.player.time, document.getElementById('kind').value,"
+                    " document.getElementById('space').getAttribute('aria-pressed')]")
+    assert found == [12.5, "x", "true"]
     again = "document.getElementById('play').click(); return replay.player.time"
     assert tab.run(f"replay.player.seek(1e9); {again}") == 0.0
 
