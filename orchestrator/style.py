@@ -81,6 +81,12 @@ def named(theme: ThemeName) -> Theme:
     return THEMES[theme]
 
 
+def variables(look: Theme) -> dict[str, str]:
+    """A theme's colours, by the names of CSS variables in pages."""
+    colours = {"paper": look.paper, "ink": look.ink, "grid": look.grid, "soft": look.soft}
+    return colours | {f"line-{i}": colour for i, colour in enumerate(look.receivers)}
+
+
 @contextmanager
 def use(theme: ThemeName, axes: Axes | Sequence[Axes] | None = None) -> Iterator[Theme]:
     """Draw in a theme; Matplotlib's settings are restored afterwards.

@@ -13,11 +13,11 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
+from ..data.arms import LONGEST_ARM
 from ..data.estimates import Floats
 from ..judge.definitions import MANY_LOST
 from ..limits.unknown import brief
 from ..results.figures.drawing import LINE, short, wrapped
-from ..results.figures.maps import LONGEST_ARM
 from ..scenario.conditions import conditions
 from ..style import SIZE, Theme, ThemeName, new_figure, use
 from ..words.lists import counted

@@ -76,6 +76,6 @@ class Estimates(Shown):
         named = {f.name: getattr(self, f.name) for f in fields(self)}
         return {name: values for name, values in named.items() if values is not None}
 
-    def chosen(self, which: Flags) -> Self:
-        """The selected estimates."""
+    def chosen(self, which: Flags | Integers) -> Self:
+        """The selected estimates, by flags or in the order of their indices."""
         return type(self)(**{name: values[which] for name, values in self.columns().items()})

@@ -192,7 +192,7 @@ def judged_by(estimates: Estimates, truth: Truth) -> Judged:
     about = truth.platform_at(known)
     platform, off = (None, None) if about is None else map(of_run, about)
     epoch_s = epoch / 1e9
-    since_ns, until_ns = _standing(estimates, truth.stop_ns)
+    since_ns, until_ns = standing(estimates, truth.stop_ns)
     with np.errstate(invalid="ignore", over="ignore"):
         error = estimates.position - position
         square = square_of(error)
@@ -244,7 +244,7 @@ def _own_relative(
     return error, square_of(error), claimed
 
 
-def _standing(estimates: Estimates, stop_ns: int) -> tuple[Integers, Integers]:
+def standing(estimates: Estimates, stop_ns: int) -> tuple[Integers, Integers]:
     """When each estimate stands [ns], as defined above."""
     since, until = estimates.available_ns, estimates.until_ns
     if since is None or until is None:

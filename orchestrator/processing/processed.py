@@ -22,8 +22,10 @@ from ..logs.log import Log
 from ..paths import folder as path_files
 from ..paths.diver_path import DiverPath, of_estimates, of_truth
 from ..scenario.labels import FIXES
+from ..web import page
 from . import quality, text
 from .columns import TABLES
+from .pages import played
 
 if TYPE_CHECKING:
     from ..scenario.scenario import Scenario
@@ -294,11 +296,14 @@ class Processed(Answer):
     def save(
         self, directory: str | Path, *, figures: bool = True, theme: ThemeName = "light",
         other: artifacts.Other = "refuse", trajectories: str | Collection[str] = (),
+        replay: bool = False,
     ) -> Path:
         """Like `Answer.save`, with the paths for maps, if the log has an origin on Earth.
 
         Parameters
         ----------
+        replay
+            Whether to add a page that plays the log back, ``replay.html``; see `replay`.
         trajectories
             Files of the paths to add, some of ``"tum"`` and ``"mcap"``; see
             `sblcosim.paths.folder.write`.
@@ -307,12 +312,32 @@ class Processed(Answer):
         wanted = path_files.check(trajectories)
         with artifacts.draft(directory, self.manifest(), other) as draft:
             self.write(draft.folder, theme, figures)
+            if replay:
+                page.write(played(self), draft.folder / page.NAME)
             place = self.log.meta.place if self.along(False) else None
             path_files.write(
                 draft.folder, self.title, self.paths, place, trajectories=wanted,
                 dated=self.log.dated,
             )
         return draft.saved
+
+    def replay(self, file: str | Path) -> Path:
+        """Write the log as one HTML file that plays it back, without a network.
+
+        It shows what `sblcosim.Result.replay` does, as far as the log has it: where beacons last
+        said that they were, the estimates, and the truth if there is one.
+
+        Parameters
+        ----------
+        file
+            The file to write, ``.html``. It appears when it is complete.
+
+        Raises
+        ------
+        ConfigurationError
+            The file cannot be written.
+        """
+        return page.write(played(self), file)
 
     def write(self, folder: Path, theme: ThemeName = "light", figures: bool = True) -> None:
         """Write tables, figures and the settings into an existing folder."""

@@ -10,7 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from sblcosim.fmus.host.nanoseconds import SECOND
 
-from ..data.estimates import Estimates, Flags, Floats
+from ..data.estimates import Estimates, Flags, Floats, Integers
 from ..data.truth import Truth
 from ..judge.definitions import POSITION_STATES, nees, order_statistics
 from ..judge.without_truth import between, told
@@ -34,9 +34,9 @@ _LAGS, _LAG_POWER = 40, 2 / 3
 """Lags over which residuals of a beacon may be correlated: at least, and by the number of all."""
 
 
-def known(truth: Truth, estimates: Estimates) -> Flags:
-    """Whether the truth is known at the epochs of estimates; shape (m,)."""
-    times, epoch = truth.time_ns, estimates.epoch_ns
+def known(truth: Truth, epoch: Integers) -> Flags:
+    """Whether the truth is known at epochs [ns]; shape (m,)."""
+    times = truth.time_ns
     after = np.searchsorted(times, epoch)
     inside = (times[0] <= epoch) & (epoch <= times[-1])
     right = np.clip(after, 0, len(times) - 1)
@@ -46,11 +46,11 @@ def known(truth: Truth, estimates: Estimates) -> Flags:
     return there
 
 
-def true_at(truth: Truth, estimates: Estimates) -> Floats:
-    """True positions at the epochs of estimates, NED [m]; NaN where unknown; (m, 3)."""
-    position = np.full((len(estimates), 3), np.nan)
-    which = known(truth, estimates)
-    position[which] = truth.state_at(estimates.epoch_ns[which])[0]
+def true_at(truth: Truth, epoch: Integers) -> Floats:
+    """True positions at epochs [ns], NED [m]; NaN where unknown; (m, 3)."""
+    position = np.full((len(epoch), 3), np.nan)
+    which = known(truth, epoch)
+    position[which] = truth.state_at(epoch[which])[0]
     return position
 
 
@@ -74,7 +74,7 @@ def row_of(log: Log, estimates: Estimates, truth: Truth | None) -> dict[str, Any
     std = std_of(estimates)
     which = np.ones(len(estimates), bool)
     if truth is not None:
-        error = estimates.position - true_at(truth, estimates)
+        error = estimates.position - true_at(truth, estimates.epoch_ns)
         which = np.all(np.isfinite(error), axis=1)
         row |= _errors(error[which], log.meta.dimension == 3)
     if std is not None and which.any():
@@ -130,7 +130,7 @@ def table_of(
     if std is not None:
         columns |= dict(zip(("std_x_m", "std_y_m", "std_z_m"), std.T, strict=True))
     if truth is not None:
-        true = true_at(truth, estimates)
+        true = true_at(truth, estimates.epoch_ns)
         columns |= dict(zip(("true_x_m", "true_y_m", "true_z_m"), true.T, strict=True))
         error = estimates.position - true
         columns |= dict(zip(("error_x_m", "error_y_m", "error_z_m"), error.T, strict=True))

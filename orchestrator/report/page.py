@@ -20,7 +20,7 @@ import jinja2
 from markupsafe import escape
 
 from .. import layout, shown
-from ..style import THEMES, Theme, ThemeName, named
+from ..style import THEMES, ThemeName, named, variables
 
 NARROW, WIDEST = 40, 125
 """Width of a table that fits a telephone, and the page at its widest [characters]."""
@@ -198,12 +198,6 @@ def inline(picture: PagePicture, theme: ThemeName = "light") -> str:
         text = text.replace(colour, f"var(--{variable})")
     attributes = f'role="img" aria-label="{escape(picture.alt)}"'
     return text.replace("<svg", f"<svg {attributes}", 1).strip()
-
-
-def variables(look: Theme) -> dict[str, str]:
-    """A theme's colours, by the names of CSS variables."""
-    colours = {"paper": look.paper, "ink": look.ink, "grid": look.grid, "soft": look.soft}
-    return colours | {f"line-{i}": colour for i, colour in enumerate(look.receivers)}
 
 
 @cache

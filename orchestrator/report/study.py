@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from sblcosim.fmus.stopping import interruptible
 
@@ -22,16 +23,17 @@ from ..data.tables import Columns
 from ..errors import ConfigurationError
 from ..judge.consistency import TELLING
 from ..judge.definitions import FRAME_WORDS
+from ..results.responses import unit_of
 from ..study import store
 from ..study.study import Study, load, shipped, study_of
 from ..style import ThemeName
 from ..words.lists import counted, plural
-from ..words.numbers import interval, number
+from ..words.numbers import interval, measured, number
 from . import levels, means, points, possible, space
 from . import two_level as factorial
 from .common import DEFINITIONS, as_toml, method, reproduce, seeding
 from .means import Means
-from .page import Block, Page, PagePicture, PageTable, Section, Text, render
+from .page import Block, Code, Page, PagePicture, PageTable, Section, Text, render
 from .parts import StudySections, folded, pictures
 from .space import Indices
 from .two_level import Findings
@@ -100,6 +102,8 @@ class Analysis(Extended):
         (folder / REPORT).write_text(render(page), "utf-8")
 
 
+_WHICH = ("point", "replicate", "run_id")
+"""Columns that identify a run."""
 _BLANK: Mapping[str, Any] = {
     "transform": "none", "method": None, "confidence": 0.95, "dropped": 0, "left_out": None,
     "r2": None, "effects": [], "means": [], "levels": [], "medians": [], "pairs": [],
@@ -149,6 +153,7 @@ def analysed(
         int(table["error"].notna().sum()),
         covariance.by_point(table, list(study.varied)) if has_points else pd.DataFrame(),
         _again(study, results, command or shlex.join(["sblcosim", "analyse", str(results)])),
+        _worst(study, table, column, results),
         points.tables(study, table) if has_points else [],
         possible.tables(study, table) if has_points else [],
     )
@@ -198,6 +203,8 @@ class StudiedRuns:
         Verdicts on the receivers' covariances, by point.
     again
         How to reproduce the results.
+    worst
+        How to look at the worst run; empty if no run is the worst.
     points
         The table of the points.
     possible
@@ -209,6 +216,7 @@ class StudiedRuns:
     failed: int
     verdicts: pd.DataFrame
     again: Section
+    worst: list[Section]
     points: list[Block]
     possible: list[Block]
 
@@ -224,6 +232,7 @@ def _page(own: StudySections, source: StudiedRuns) -> Page:
             *([_figures(own.pictures)] if own.pictures else []),
             _tables(source, Section(own.heading, "numbers", own.tables)),
             Section("Method", "method", own.method, folded=True),
+            *source.worst,
             source.again,
         ],
         f"sblcosim {artifacts.software()['sblcosim']}",
@@ -279,6 +288,26 @@ def _again(study: Study, results: Path, command: str) -> Section:
     )
 
 
+def _worst(study: Study, table: pd.DataFrame, column: str, results: Path) -> list[Section]:
+    """How to look at the run with the largest error, of a study that simulates errors."""
+    if study.model is not None or unit_of(column.partition(".")[2]) != "m":
+        return []
+    lengths = table[column].to_numpy(np.float64, na_value=np.nan)
+    if not np.isfinite(lengths).any():
+        return []
+    row: Any = table.iloc[int(np.nanargmax(np.where(np.isfinite(lengths), lengths, np.nan)))]
+    runs = store.table(results, lambda names: [n for n in names if n in _WHICH])
+    mine = (runs["point"] == row["point"]) & (runs["replicate"] == row["replicate"])
+    run_id = runs.loc[mine, "run_id"].iloc[0]
+    text = (
+        f"The largest {column} is {measured(float(row[column]), 'm')}, in the run with seed "
+        f"{row['seed']} at point {row['point']}. This command repeats the run and writes "
+        "replay.html, a page that plays it back:"
+    )
+    command = shlex.join(["sblcosim", "replay", str(results), str(run_id), "--replay"])
+    return [Section("Look at the worst run", "worst", [Text(text), Code(command)], folded=True)]
+
+
 def _same(one: Study, other: Study) -> bool:
     """Whether two studies have the same runs, except for the number of replicates."""
     kept = {"title", "replicates", "scenario", "fixed"}
@@ -315,6 +344,7 @@ def _factorial_page(findings: Findings, drawn: Path | None, source: StudiedRuns)
             _figures(pictures(FIGURES, findings, drawn)),
             _tables(source, Section("Effects and model", "effects", factorial.tables(findings))),
             Section("Method", "method", how, folded=True),
+            *source.worst,
             source.again,
         ],
         f"sblcosim {artifacts.software()['sblcosim']}",

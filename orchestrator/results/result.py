@@ -27,6 +27,7 @@ from ..paths import folder as path_files
 from ..paths.diver_path import DiverPath, of_estimates, of_truth
 from ..scenario.labels import FIXES, RAW
 from ..shown import Picture
+from ..web import page, playback
 from . import more, notebook, text
 from .figures.artist import drawing
 from .motion import Motion, motions, too_lively
@@ -345,12 +346,13 @@ class Result(Answer):
         other: artifacts.Other = "refuse",
         artist: Artist | None = None,
         animate: bool = False,
+        replay: bool = False,
         log: bool = False,
         trajectories: str | Collection[str] = (),
     ) -> Path:
         """Like `Answer.save`, with the scenario and, if it has a place on Earth, the paths there.
 
-        Figures, animation, log and trajectories of an equal run in the folder are kept.
+        Figures, animation, replay, log and trajectories of an equal run in the folder are kept.
 
         Parameters
         ----------
@@ -360,6 +362,8 @@ class Result(Answer):
         animate
             Whether to add an animation: ``animation.mp4`` if ffmpeg is available, otherwise
             ``animation.gif``.
+        replay
+            Whether to add a page that plays the run back, ``replay.html``; see `replay`.
         log
             Whether to add the log of the dive in the folder ``log``: what was received and
             measured, the true track, and the settings. `sblcosim.process` makes the same estimates
@@ -383,6 +387,8 @@ class Result(Answer):
             if animate:
                 file = draft.folder / f"{animation.NAME}{animation.kind_of()}"
                 animation.write(self.record, self.tracks, file, theme)
+            if replay:
+                page.write(self._played(directory), draft.folder / page.NAME)
             if log:
                 self._write_log(draft.folder / "log", Path(directory) / "log")
         return draft.saved
@@ -447,6 +453,36 @@ class Result(Answer):
                 f"animate: must be a file that can be written, got {file} ({error.strerror})"
             ) from error
         return target
+
+    def _played(self, place: str | Path) -> playback.Playback:
+        """What a page plays back that will be in a folder."""
+        seeds = {*self.seeds.values()}
+        each = ", ".join(f"{component} {seed}" for component, seed in self.seeds.items())
+        told = f"seed {seeds.pop()}" if len(seeds) == 1 else f"seeds {each}" if seeds else ""
+        return playback.of_record(
+            self.record, self.judged, title=self.title, verdict=self.answer.splitlines(),
+            run=", ".join(filter(None, [self.scenario_name, told])),
+            scenario=self._scenario_file(place) if hasattr(self.scenario, "dump_toml") else "",
+        )
+
+    def replay(self, file: str | Path) -> Path:
+        """Write the run as one HTML file that plays it back, without a network.
+
+        It shows the map, from above or in space, and the errors over time with what receivers
+        claim. Lengths are rounded to millimetres. Of more than `sblcosim.web.playback.MOST`
+        instants or estimates of a receiver, it holds some, and says how many.
+
+        Parameters
+        ----------
+        file
+            The file to write, ``.html``. It appears when it is complete.
+
+        Raises
+        ------
+        ConfigurationError
+            The file cannot be written, or the run has no receivers.
+        """
+        return page.write(self._played(Path(file).parent), file)
 
     def _write_tables(self, folder: Path, directory: str | Path) -> None:
         for name, table in self.tables.items():

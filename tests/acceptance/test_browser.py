@@ -4,21 +4,17 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
-import subprocess
 from pathlib import Path
 from typing import Any
 
 import html5lib
 import pytest
+from browser import BROWSER, browse
 from sblcosim import style
 from sblcosim.cli import app
 from sblcosim.report.page import Page, PagePicture, Section, render
 from typer.testing import CliRunner
 
-BROWSER = next(
-    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
-)
 pytestmark = pytest.mark.skipif(BROWSER is None, reason="needs Chromium")
 
 STUDY = """
@@ -100,22 +96,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         assert done.exit_code == 0, done.output
     (place / "shown" / "probe.html").write_text(PROBE)
     return place / "shown"
-
-
-def browse(place: Path, *options: str) -> tuple[str, str]:
-    """What a browser without a network prints, and what it complains of."""
-    assert BROWSER is not None
-    done = subprocess.run(
-        [
-            BROWSER, "--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage",
-            "--host-resolver-rules=MAP * ~NOTFOUND", "--proxy-server=127.0.0.1:9",
-            "--allow-file-access-from-files", "--enable-logging=stderr",
-            f"--user-data-dir={place / 'profile'}", *options,
-        ],
-        cwd=place, capture_output=True, text=True, timeout=600, check=True,
-    )
-    complaints = "\n".join(line for line in done.stderr.splitlines() if "CONSOLE" in line)
-    return done.stdout, complaints
 
 
 def rgb(colour: str) -> str:

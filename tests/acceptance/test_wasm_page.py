@@ -8,18 +8,15 @@ from __future__ import annotations
 import html
 import re
 import shutil
-import subprocess
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from browser import BROWSER, dumped
 from fmpy import simulate_fmu
 from sblcosim.fmus.build import compiler, factory
 
-BROWSER = next(
-    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
-)
 pytestmark = [
     pytest.mark.skipif(BROWSER is None, reason="needs Chromium"),
     pytest.mark.skipif(compiler.zig() is None, reason="needs ziglang"),
@@ -54,18 +51,9 @@ def shown(fmu: Path, folder: Path) -> str:
     shutil.copy(fmu, folder / "some.fmu")
     shutil.copy(PAGE, folder / "wasm.html")
     (folder / "probe.html").write_text(PROBE)
-    assert BROWSER is not None
-    done = subprocess.run(
-        [
-            BROWSER, "--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage",
-            "--host-resolver-rules=MAP * ~NOTFOUND", "--proxy-server=127.0.0.1:9",
-            "--allow-file-access-from-files", f"--user-data-dir={folder / 'profile'}",
-            "--virtual-time-budget=20000", "--dump-dom", (folder / "probe.html").as_uri(),
-        ],
-        cwd=folder, capture_output=True, text=True, timeout=600, check=True,
-    )
-    found = re.search(r'<pre id="found">(.*?)</pre>', done.stdout, re.S)
-    assert found, done.stderr
+    dom, complaints = dumped(folder, folder / "probe.html")
+    found = re.search(r'<pre id="found">(.*?)</pre>', dom, re.S)
+    assert found, complaints
     return html.unescape(found[1])
 
 

@@ -46,6 +46,7 @@ LONG_FUNCTIONS = {
     "comparison.tournament.run.compare": _OPTIONS,
     "cli.commands.studies.advise": _COMMAND,
     "cli.commands.studies.analyse": _COMMAND,
+    "cli.commands.studies.replay": _COMMAND,
     "cli.commands.studies.study": _COMMAND,
     "comparison.budget.run.budget": _OPTIONS,
     "processing.workflow.process": _OPTIONS,
@@ -69,7 +70,7 @@ TWICE = {
 }
 """Names of classes that have two meanings, and why."""
 
-WRITTEN = (".py", ".c", ".h", ".m", ".md", ".toml", ".jinja", ".css", ".sh", ".ipynb")
+WRITTEN = (".py", ".c", ".h", ".m", ".md", ".toml", ".jinja", ".css", ".js", ".sh", ".ipynb")
 DATA = ("csv", "fmu", "html", "json", "parquet", "svg", "xml")
 """How names of files end that are made."""
 NOWHERE = {"Platform6": "the component Platform, built for six beacons"}

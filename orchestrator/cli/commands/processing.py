@@ -15,6 +15,7 @@ from ..common.app import (
     JsonOption,
     NoFiguresOption,
     ReceiverOption,
+    ReplayOption,
     SetOption,
     StepTimeoutOption,
     TrajectoriesOption,
@@ -57,6 +58,7 @@ def process(
     step_timeout: StepTimeoutOption = None,
     no_figures: NoFiguresOption = False,
     trajectories: TrajectoriesOption = None,
+    replay: ReplayOption = False,
 ) -> None:
     """Run receivers on a recorded log, side by side.
 
@@ -84,7 +86,8 @@ def process(
         default = Path("runs", f"{folder_name(processed.log.name)}-processed")
         wanted, other = destination(out, default, force)
         folder = processed.save(
-            wanted, figures=not no_figures, other=other, trajectories=trajectories or ()
+            wanted, figures=not no_figures, other=other, trajectories=trajectories or (),
+            replay=replay,
         )
     report(processed, folder, wanted, as_json, verbose)
     refuse_silence(processed)

@@ -17,6 +17,7 @@ from ..common.app import (
     JsonOption,
     NoFiguresOption,
     ReceiverOption,
+    ReplayOption,
     RunnableArgument,
     SeedOption,
     SetOption,
@@ -67,6 +68,7 @@ def run(
     animate: Annotated[
         bool, typer.Option("--animate", help="Add an animation of the run, MP4 or GIF.")
     ] = False,
+    replay: ReplayOption = False,
     log: Annotated[
         bool,
         typer.Option(
@@ -90,8 +92,8 @@ def run(
     the folder has the record and the manifest.
 
     With --runs N, prints the errors of each receiver over N runs, with mean and spread. The folder
-    has their tables, and subfolders with a typical and the worst run. After Ctrl-C or a crash, the
-    same command continues, also with more runs.
+    has their tables, and subfolders with a typical and the worst run, each with --replay a page.
+    After Ctrl-C or a crash, the same command continues, also with more runs.
     """
     from ...results.figures.artist import forked_artist
 
@@ -114,7 +116,9 @@ def run(
                     master=master, step_timeout=step_timeout, progress=progress, keep=keep,
                     before=unless_other(wanted, other),
                 )  # fmt: skip
-                folder = many.save(wanted, figures=not no_figures, other=other)
+                folder = many.save(
+                    wanted, figures=not no_figures, other=other, replay=replay
+                )
         report(many, folder, wanted, as_json, verbose)
         refuse_silence(many)
         return
@@ -143,8 +147,8 @@ def run(
             before=unless_other(wanted, other),
         )
         folder = result.save(
-            wanted, figures=not no_figures, other=other, artist=artist, animate=animate, log=log,
-            trajectories=trajectories or (),
+            wanted, figures=not no_figures, other=other, artist=artist, animate=animate,
+            replay=replay, log=log, trajectories=trajectories or (),
         )  # fmt: skip
     report(result, folder, wanted, as_json, verbose)
     refuse_silence(result)

@@ -15,6 +15,7 @@ from ..common.app import (
     ForceOption,
     JsonOption,
     NoFiguresOption,
+    ReplayOption,
     StepTimeoutOption,
     VerboseOption,
     app,
@@ -239,6 +240,7 @@ def replay(
     as_json: JsonOption = False,
     verbose: VerboseOption = False,
     no_figures: NoFiguresOption = False,
+    page: ReplayOption = False,
 ) -> None:
     """Repeat one run of a study with a full record."""
     from ...results.figures.artist import forked_artist
@@ -252,7 +254,9 @@ def replay(
         result = again(
             results, run_id, progress=progress, before=unless_other(wanted, other)
         )
-        folder = result.save(wanted, figures=not no_figures, other=other, artist=artist)
+        folder = result.save(
+            wanted, figures=not no_figures, other=other, artist=artist, replay=page
+        )
     report(result, folder, wanted, as_json, verbose)
     refuse_silence(result)
 

@@ -82,6 +82,13 @@ def compare(
     as_json: JsonOption = False,
     verbose: VerboseOption = False,
     no_figures: NoFiguresOption = False,
+    replay: Annotated[
+        bool,
+        typer.Option(
+            "--replay",
+            help="Add a page that plays back the best receiver's worst run, worst.html.",
+        ),
+    ] = False,
 ) -> None:
     """Find out which receiver is better, with the same noise for all.
 
@@ -96,6 +103,7 @@ def compare(
         from ... import artifacts
         from ...comparison.tournament.result import RESPONSE
         from ...comparison.tournament.run import compare as compared
+        from ...comparison.tournament.worst import worst_run
 
         wanted, other = destination(out, Path("runs", "comparison"), force)
         artifacts.check(wanted, other=other)
@@ -118,6 +126,9 @@ def compare(
                 before=unless_other(wanted, other),
                 same_start=same_start,
             )
-            folder = found.save(wanted, figures=not no_figures, other=other)
+            worst = worst_run(
+                found, receiver or (), master=master, step_timeout=step_timeout
+            ) if replay else None
+            folder = found.save(wanted, figures=not no_figures, other=other, worst=worst)
     report(found, folder, wanted, as_json, verbose)
     refuse_silence(found)

@@ -161,6 +161,9 @@ TrajectoriesOption = Annotated[
     ),
 ]
 NoFiguresOption = Annotated[bool, typer.Option("--no-figures", help="Draw no figures.")]
+ReplayOption = Annotated[
+    bool, typer.Option("--replay", help="Add a page that plays it back, replay.html.")
+]
 SeedOption = Annotated[int | None, numeric("--seed", int, "N", "Seed of all random numbers.")]
 
 

@@ -197,13 +197,36 @@ class Many(Answer):
             yield SHEET
         yield from (LOST, MISLEADING, sentences.WITHIN)
 
+    def save(
+        self,
+        directory: str | Path,
+        *,
+        figures: bool = True,
+        theme: style.ThemeName = "light",
+        other: artifacts.Other = "refuse",
+        replay: bool = False,
+    ) -> Path:
+        """Like `Answer.save`, with the typical and the worst run in separate folders.
+
+        Parameters
+        ----------
+        replay
+            Whether to add a page that plays it back to each of these runs; see
+            `sblcosim.Result.replay`.
+        """
+        style.named(theme)
+        with artifacts.draft(directory, self.manifest(), other) as draft:
+            self.write(draft.folder, theme, figures, replay)
+        return draft.saved
+
     def write(
-        self, folder: Path, theme: style.ThemeName = "light", figures: bool = True
+        self, folder: Path, theme: style.ThemeName = "light", figures: bool = True,
+        replay: bool = False,
     ) -> None:
-        """Like `Answer.save`, with the typical and the worst run in separate folders."""
+        """Write tables, figures and the selected runs into an existing folder; see `save`."""
         super().write(folder, theme, figures)
         for which, result in self.drawn.items():
-            result.save(folder / which, figures=figures, theme=theme)
+            result.save(folder / which, figures=figures, theme=theme, replay=replay)
 
     def manifest(self) -> dict[str, Any]:
         """What was run, as plain data."""

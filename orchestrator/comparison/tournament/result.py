@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from ... import artifacts
+from ... import artifacts, style
 from ...answer import Answer
 from ...catalogue import Job
 from ...lazy import Module
@@ -21,6 +22,7 @@ from ..common.tables import DIFFERENCES, LEVELS
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from ...results.result import Result
     from ...style import ThemeName
 
 words = Module("sblcosim.comparison.tournament.sentences")
@@ -28,6 +30,8 @@ drawings = Module("sblcosim.comparison.tournament.figures")
 
 RESPONSE = "absolute_total_rms_m"
 """Response that is compared by default."""
+WORST_PAGE = "worst.html"
+"""Page in the folder of a comparison that plays back a run."""
 
 
 def manifest_of(settings: Mapping[str, Any]) -> dict[str, Any]:
@@ -141,6 +145,24 @@ class Tournament(Answer):
     def manifest(self) -> dict[str, Any]:
         """What was compared, as plain data."""
         return manifest_of(self.settings)
+
+    def save(
+        self, directory: str | Path, *, figures: bool = True, theme: ThemeName = "light",
+        other: artifacts.Other = "refuse", worst: Result | None = None,
+    ) -> Path:
+        """Like `Answer.save`, with a page that plays a run back.
+
+        Parameters
+        ----------
+        worst
+            The run for ``worst.html``, from `sblcosim.comparison.tournament.worst.worst_run`.
+        """
+        style.named(theme)
+        with artifacts.draft(directory, self.manifest(), other) as draft:
+            self.write(draft.folder, theme, figures)
+            if worst is not None:
+                worst.replay(draft.folder / WORST_PAGE)
+        return draft.saved
 
     def to_json(self) -> dict[str, Any]:
         """Answer and tables as plain data; missing numbers are None."""

@@ -16,6 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d import proj3d  # type: ignore[import-untyped]
 
+from ...data.arms import are_far
 from ...data.estimates import Floats
 from ...data.truth import recorded
 from ...judge.definitions import AXES
@@ -46,8 +47,6 @@ ENDS = ((0, "start", "o"), (-1, "end", "s"))
 REPORTED, CENTRE = "beacons as reported (mean)", "platform as reported"
 MOST_REPORTS = 500
 """Reports of the platform's position that a map shows."""
-LONGEST_ARM = 10.0
-"""Beacons farther from their middle than this [m] are not on arms of a platform."""
 NARROW_3D = 0.6
 """Ratio of a horizontal side of the box in space to its longest below which ticks are few."""
 TICK_3D, OWN_TICK_3D, OWN_NAME_3D = 3.5, 8.0, 21.0
@@ -119,7 +118,7 @@ def plot_path_3d(
         limits |= {column: widened(limits[column], longest) for column in ("x_m", "y_m")}
         for number, arm in enumerate(_arms(platform.true)):
             ax.plot(*arm[:, [1, 0, 2]].T, color=look.soft, marker="^", ms=5, markevery=[-1],
-                    ls="" if _are_far(platform.true) else "-",
+                    ls="" if are_far(platform.true) else "-",
                     label=platform.name if number == 0 else None)
             _drop(ax, arm[-1], limits["z_m"][1], look)
         ax.plot(*truth[:, [1, 0, 2]].T, label="true path", **drawing.truth_of(look))
@@ -165,8 +164,8 @@ class Platform:
         extent = np.ptp(np.vstack([truth, self.true])[:, :2], axis=0).max()
         moving = np.abs(beacons - self.true).max() > 0.02 * extent  # more than the size of a marker
         self.name = "beacons (mean)" if moving else "beacons"
-        self.is_far = _are_far(self.true)
-        self.dotted = not self.is_exact and not _are_far(self.true)
+        self.is_far = are_far(self.true)
+        self.dotted = not self.is_exact and not are_far(self.true)
         self.names = [self.name, *(() if self.is_exact else (REPORTED,)),
                       *((CENTRE,) if self.dotted else ())]  # fmt: skip
 
@@ -186,7 +185,7 @@ class Platform:
 
     @staticmethod
     def _beacons(ax: Axes, beacons: Floats, name: str, **how: Any) -> None:
-        how |= {"ls": ""} if _are_far(beacons) else {}
+        how |= {"ls": ""} if are_far(beacons) else {}
         for number, arm in enumerate(_arms(beacons)):
             ax.plot(*arm[:, [1, 0]].T, lw=1, zorder=3, markevery=[-1],
                     label=name if number == 0 else None, **how)
@@ -194,13 +193,8 @@ class Platform:
 
 def _arms(beacons: Floats) -> list[Floats]:
     """From the middle of the beacons to each beacon; zero length if there can be no arm."""
-    middle, far = beacons.mean(axis=0), _are_far(beacons)
+    middle, far = beacons.mean(axis=0), are_far(beacons)
     return [beacon[None] if far else np.array([middle, beacon]) for beacon in beacons]
-
-
-def _are_far(beacons: Floats) -> bool:
-    """Whether the beacons cannot be on arms of one platform."""
-    return bool(np.abs(beacons - beacons.mean(axis=0)).max() > LONGEST_ARM)
 
 
 def limits_of(seen: Floats, tracks: Tracks, axes: Sequence[str]) -> dict[str, tuple[float, float]]:

@@ -33,6 +33,7 @@ from sblcosim.cli.documents.document import Document
 from sblcosim.comparison.budget.run import budget
 from sblcosim.comparison.many.run import run_many
 from sblcosim.comparison.tournament.run import compare
+from sblcosim.comparison.tournament.worst import worst_run
 from sblcosim.estimation.after import smooth
 from sblcosim.export.container import export_fmu
 from sblcosim.export.ssp import export_ssp
@@ -128,7 +129,7 @@ CASES = [
     Case(("map", SCENARIO, "--distance", "20", "--depth", "5"), (map_distance,),
          without={"--area": "must come without --distance, and is refused"}),
     Case(("budget", SCENARIO), (budget,)),
-    Case(("compare", SCENARIO), (compare,)),
+    Case(("compare", SCENARIO), (compare, worst_run)),
     Case(("require", "one-metre"), (decide,)),
     Case(("build", "ekf"), (build, write_file)),
     Case(("check", "x.fmu"), (check_receiver,)),

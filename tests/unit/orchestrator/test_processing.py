@@ -478,7 +478,7 @@ def test_a_truth_is_known_between_points_of_at_most_10_s() -> None:
     second = 10**9
     truth = Truth(time_ns=np.array([0, 10, 25]) * second, position=np.zeros((3, 3)))
     epochs = np.array([-1, 0, 5, 10, 17, 25, 26]) * second
-    found = quality.known(truth, Estimates(epoch_ns=epochs, position=np.zeros((7, 3))))
+    found = quality.known(truth, epochs)
     assert found.tolist() == [False, True, True, True, False, True, False]
 
 

@@ -256,4 +256,4 @@ def test_completion_offers_public_names(things: dict[str, Any]) -> None:
     assert {".run", ".scenarios", ".PythonComponent", ".Overrides"} <= {*after("sblcosim.")}
     assert {*after("result.plot_")} == {f".{name}" for name in PLOTS}
     assert ".arm_length_m" in after("platform.a")
-    assert len(after("result.")) <= 46
+    assert len(after("result.")) <= 47
