@@ -60,6 +60,10 @@ class Mutation:
     end: int
     text: str
 
+    @property
+    def length(self) -> int:
+        return self.end - self.start
+
     def of(self, source: str) -> str:
         """The changed text."""
         return source[: self.start] + self.text + source[self.end :]
@@ -75,11 +79,7 @@ def mutations(source: str, suffix: str) -> list[Mutation]:
     suffix
         Suffix of its name: ``.py``, or ``.c`` and ``.h``, which are not compiled here.
     """
-    if suffix == ".py":
-        known = ast.dump(ast.parse(source))
-        found = {m for m in _Python(source) if known != _dump(m.of(source))}
-    else:
-        found = set(_of_c(source))
+    found = {*_Python(source)} if suffix == ".py" else {*_of_c(source)}
     return sorted(found, key=lambda m: (m.start, m.end, KINDS.index(m.kind), m.text))
 
 
@@ -105,9 +105,14 @@ class _Python:
             self.starts.append(self.starts[-1] + len(line))
 
     def __iter__(self) -> Iterator[Mutation]:
-        for mutation in self._below(self.tree):
-            if _dump(mutation.of(self.source)) is not None:
-                yield mutation
+        for statement in self.tree.body:  # each is parsed alone, which is fast
+            start, end = self._start(statement), self._end(statement)
+            text = self.source[start:end]
+            known = _dump(text)
+            for mutation in self._below(statement):
+                new = mutation.of(self.source)[start : end + len(mutation.text) - mutation.length]
+                if _dump(new) not in (None, known):
+                    yield mutation
 
     def _below(self, node: ast.AST) -> Iterator[Mutation]:
         yield from self._at(node)

@@ -91,7 +91,8 @@ class Record:
     def stages(self, place: Place, source: str) -> list[list[str]]:
         """Tests that execute the mutation's lines, and the others of their files."""
         known = {
-            line: set(names) - {""} for line, names in self._data.contexts_by_lineno(place.file).items()
+            line: set(names) - {""}
+            for line, names in self._data.contexts_by_lineno(place.file).items()
         }
         executed = Counter(
             name.partition("::")[0] for names in known.values() for name in names

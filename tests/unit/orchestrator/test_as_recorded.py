@@ -1,0 +1,197 @@
+"""Numbers of short dives, settings, limits and statistics are those that were recorded.
+
+What they should be, other tests say, with tolerances; here, no formula may change a number
+unnoticed. ``SBLCOSIM_RECORD_ANSWERS=1`` records them anew, where a change is wanted.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import warnings
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+import as_recorded
+import numpy as np
+import pytest
+import sblcosim
+from sblcosim.errors import ConfigurationError
+from sblcosim.estimation.particles import particle_filter
+from sblcosim.models import COMPONENTS, RECEIVERS
+from sblcosim.models.declaration import Component, Variable
+from sblcosim.models.settings.presets import PRESET_TABLES, PRESET_VALUES
+from sblcosim.scenario.scenario import Scenario, load, shipped
+from sblcosim.scenario.wiring import connect
+from sblcosim.simulation.masters import lanes
+from sblcosim.simulation.resolve import resolve
+
+ENVIRONMENT = ("target", "platform", "acoustics")
+ALIKE = {"harbour-random", "harbour-spiral", "paper-scenario-2", "paper-scenario-3"}
+"""Scenarios that differ from others by the path alone."""
+ROUGH = {
+    "platform.roll_amplitude_deg": 4.0, "platform.pitch_amplitude_deg": 3.0,
+    "platform.yaw_amplitude_deg": 9.0, "platform.surge_amplitude_m": 0.3,
+    "platform.sway_amplitude_m": 0.2, "platform.heave_amplitude_m": 0.1,
+    "platform.imu_temperature_offset_K": 5.0, "platform.mounting_std_m": 0.02,
+    "acoustics.loss_probability": 0.2, "acoustics.outlier_probability": 0.1,
+    "acoustics.clock_offset_std_s": 1e-4, "acoustics.clock_drift_std_s_s": 1e-6,
+}  # fmt: skip
+SYSTEMS: Mapping[str, tuple[str, dict[str, Any]]] = {
+    "one-way": ("harbour-square", {**ROUGH, "acoustics.shadow_direction_deg": 0.0}),
+    "two-way": ("harbour-square", {**ROUGH, "acoustics.ranging": "two_way"}),
+    "inverted": ("harbour-square", {**ROUGH, "acoustics.ranging": "inverted"}),
+    "sea": ("realistic-sea", {}),
+    "buoys": ("gps-buoys", {}),
+}
+
+DIVES: Mapping[str, tuple[str, dict[str, Any]]] = {
+    "two-way": SYSTEMS["two-way"],
+    "inverted": SYSTEMS["inverted"],
+    "together": ("harbour-square", {**ROUGH, "acoustics.schedule": "simultaneous"}),
+    "own packets": ("harbour-square", {
+        **ROUGH, "acoustics.packet_content": "own_beacon", "acoustics.packet_bits": 60}),
+    "misaligned": ("harbour-lbl", {
+        "receiver.acceleration_psd_m2_s3": 0.01, "platform.mounting_std_m": 0.5}),
+    "wakes": ("harbour-wakes", {"acoustics.shadow_loss_probability": 0.5,
+                                "acoustics.shadow_direction_deg": 20.0, "seed": 4}),
+}  # fmt: skip
+
+
+def quietly(action: Callable[[], Any]) -> Any:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return action()
+
+
+def all_receivers(scenario: Scenario) -> list[str]:
+    """Those that take its ranges."""
+    taken = []
+    for name in RECEIVERS:
+        try:
+            quietly(lambda name=name: connect(scenario, [name]))
+        except ConfigurationError:
+            continue
+        taken.append(name)
+    return taken
+
+
+@pytest.mark.parametrize("name", [*sorted({*shipped()} - ALIKE), *DIVES])
+def test_a_dive_is_as_recorded(name: str) -> None:
+    base, keys = DIVES.get(name, (name, {}))
+    scenario = quietly(lambda: load(base, {"time.duration_s": 90.0, **keys}))
+    result = quietly(lambda: sblcosim.run(scenario, all_receivers(scenario)))
+    found = {
+        "tables": {key: as_recorded.table_of(t) for key, t in result.tables.items()},
+        "judged": {key: as_recorded.fields_of(it) for key, it in result.judged.items()},
+        "possible": as_recorded.fields_of(result.limits),
+        "verdicts": {key: as_recorded.fields_of(it) for key, it in result.verdicts.items()},
+        "text": result.text(verbose=True).splitlines(),
+    }
+    as_recorded.check(f"dive {name}", found)
+
+
+def component(name: str) -> Component:
+    return RECEIVERS[name] if name in RECEIVERS else COMPONENTS[name]
+
+
+def numbers(table: str) -> list[Variable]:
+    """Parameters that are numbers, but for ticks and what selects something."""
+    return [
+        v for v in component(table).of("parameter")
+        if v.type == "Float64" and v.choices is None and v.name != component(table).interval
+    ]  # fmt: skip
+
+
+def a_little_more(variable: Variable, value: Any) -> Any:
+    """Another value that is allowed [SI]: in all elements, by various amounts."""
+    flat = np.ravel(value).astype(float)
+    is_share = (variable.min, variable.max, variable.unit) == (0.0, 1.0, None)
+    more = flat + (0.4 if is_share else 0.05) * (1 + np.arange(len(flat)) / 7)
+    more = np.where(more > (np.inf if variable.max is None else variable.max), flat - 0.05, more)
+    return more if variable.shape else float(more[0])
+
+
+@pytest.mark.parametrize("which", SYSTEMS)
+def test_each_parameter_acts_as_recorded(which: str) -> None:
+    """One lane for each parameter, which is a little more there."""
+    name, keys = SYSTEMS[which]
+    scenario = quietly(lambda: load(name, {**keys, "time.duration_s": 16.0}))
+    labels = all_receivers(scenario)
+    system = quietly(lambda: connect(scenario, labels, tell_idle=False))
+    known = {part: system.components[part].parameters for part in (*ENVIRONMENT, *labels)}
+    tried = [
+        (part, v) for part in known for v in numbers(part)
+        if v.name in known[part] or not v.shape
+    ]  # fmt: skip
+    values: dict[str, Any] = {}
+    for lane, (part, v) in enumerate(tried, 1):
+        now = known[part].get(v.name, v.starts if v.shape else v.starts[0])
+        column = np.tile(np.ravel(now).astype(float), (len(tried) + 1, 1))
+        column[lane] = np.ravel(a_little_more(v, now))
+        values[f"{part}.{v.name}"] = column if v.shape else column[:, 0]
+    outputs = [f"{part}.{v.name}" for part in known for v in component(part).of("output")]
+    outcome = quietly(lambda: lanes.execute(resolve(system), values, record=outputs))
+    of = {
+        part: as_recorded.digest_of_all(
+            outcome.values[key] for key in outputs if key.startswith(f"{part}.")
+        )
+        for part in known
+    }
+    names = ["as it is", *(f"{part}.{v.name}" for part, v in tried)]
+    found = {name: [of[part][lane] for part in known] for lane, name in enumerate(names)}
+    as_recorded.check(f"parameters {which}", found)
+
+
+@pytest.mark.parametrize("name", ["paper-scenario-1", "realistic-sea", "harbour-lbl", "gps-buoys"])
+def test_what_is_estimated_after_a_dive_is_as_recorded(name: str) -> None:
+    run = quietly(lambda: sblcosim.run(name, overrides={"time.duration_s": 60.0, "seed": 3}))
+    after = [quietly(lambda: sblcosim.smooth(run))]
+    if name == "realistic-sea":
+        after.append(quietly(lambda: particle_filter(run, particles=2000)))
+    found = {
+        type(it).__name__: {key: as_recorded.table_of(t) for key, t in it.tables.items()}
+        for it in after
+    }
+    as_recorded.check(f"after {name}", found)
+
+
+def settings() -> dict[str, dict[str, Any]]:
+    """Changes of a scenario: each choice of a component and each value of a preset."""
+    changes: dict[str, dict[str, Any]] = {}
+    for table in ENVIRONMENT:
+        for v in COMPONENTS[table].of("parameter"):
+            for choice in (v.choices or {}).values():
+                changes[f"{table}.{v.key}={choice}"] = {f"{table}.{v.key}": choice}
+    for name, values in PRESET_VALUES.items():
+        for value in values:
+            key = f"{PRESET_TABLES[name]}.{name}"
+            changes[f"{key}={value}"] = {key: value}
+    return changes
+
+
+def parameters(scenario: Scenario, labels: Iterable[str]) -> dict[str, float]:
+    """One number of the parameters of each component, with those receivers that it may have."""
+    found = {}
+    for label in labels:
+        with contextlib.suppress(ConfigurationError), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            system = connect(scenario, [label], tell_idle=False)
+            for part, spec in system.components.items():
+                told = sorted(spec.parameters.items())
+                (found[part],) = as_recorded.digest_of_all([value] for _, value in told)
+    return found
+
+
+@pytest.mark.parametrize("name", ["harbour-square", "realistic-sea", "gps-buoys"])
+def test_what_follows_from_each_choice_is_as_recorded(name: str) -> None:
+    """Parameters of all components and receivers, or why a choice is refused."""
+    found: dict[str, Any] = {}
+    for said, keys in {"as it is": {}, **settings()}.items():
+        try:
+            scenario = quietly(lambda keys=keys: load(name, keys))
+            found[said] = parameters(
+                scenario, [*RECEIVERS] if not found else ["coupled", "long_baseline", "ekf"]
+            )
+        except ConfigurationError as error:
+            found[said] = str(error)
+    as_recorded.check(f"settings {name}", found)
