@@ -3,8 +3,8 @@
 It needs two variables of the environment: ``SBLCOSIM_RECORD``, the folder to write to, and
 ``SBLCOSIM_SOURCES``, the folders of the sources, separated as in ``PATH``. Each process writes a
 file of coverage.py, ``lines.*``, whose contexts are the tests' ids, and ``seconds.*.json``, how
-long each test that passed took. The lines of a fixture that several tests share have the file of the
-tests as their context, and those executed by imports have none.
+long each test that passed took. The lines of a fixture that several tests share have the file of
+the tests as their context, and those executed by imports have none.
 """
 
 from __future__ import annotations

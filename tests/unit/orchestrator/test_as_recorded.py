@@ -9,14 +9,24 @@ from __future__ import annotations
 import contextlib
 import warnings
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import as_recorded
 import numpy as np
+import pandas as pd
 import pytest
 import sblcosim
+from sblcosim.analysis.common import bounds
+from sblcosim.analysis.levels.analysis import analyse as several_levels
+from sblcosim.analysis.space import jackknife, two_values
+from sblcosim.analysis.two_level.analysis import analyse as two_level
+from sblcosim.comparison.common import statistics
 from sblcosim.errors import ConfigurationError
 from sblcosim.estimation.particles import particle_filter
+from sblcosim.judge import pooling
+from sblcosim.limits import lengths
 from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.declaration import Component, Variable
 from sblcosim.models.settings.presets import PRESET_TABLES, PRESET_VALUES
@@ -195,3 +205,140 @@ def test_what_follows_from_each_choice_is_as_recorded(name: str) -> None:
         except ConfigurationError as error:
             found[said] = str(error)
     as_recorded.check(f"settings {name}", found)
+
+
+def drawn(seed: int, *shape: int) -> Any:
+    """Lengths, some of them long [m]."""
+    return np.random.default_rng(seed).lognormal(0.0, 0.6, shape)
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Runs in cells, some without an estimate."""
+
+    cell: Any
+    lengths: Any
+
+
+def comparisons() -> dict[str, Any]:
+    """Differences of all verdicts, from few and many runs, of which some fail."""
+    found: dict[str, Any] = {}
+    cases = [*product((2, 7, 12, 40, 200), (0.0, 0.05, 0.3, 2.0), (None, 0.15, 0.6))]
+    for seed, (runs, apart, practical) in enumerate(cases):
+        one, other = drawn(seed, runs), drawn(seed + 1000, runs) + apart
+        if seed % 4 == 3:
+            one[::9] = np.nan
+        near = one + np.random.default_rng(seed).normal(apart / 9, 0.2, runs)
+        for name, pair in (("far", (one, other)), ("near", (one, near))):
+            told = statistics.difference(*pair, 1 + seed % 3, practical)
+            found[f"{name} {runs} {apart} {practical}"] = told.to_json()
+        found[f"level {seed}"] = statistics.level(one)
+    return found
+
+
+def bounds_of_runs() -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for risk, share in product((0.01, 0.05, 0.5, 0.9), (0.02, 0.1, 0.5, 0.95)):
+        y = np.sort(drawn(int(1000 * share), 60))
+        found[f"{risk} {share}"] = [
+            bounds.runs_to_see(share, min(risk, 0.5)), bounds.share_bound(3, 40, risk),
+            *bounds.mean_bound(y, risk), *bounds.percentile_bound(y, share, min(risk, 0.5)),
+        ]  # fmt: skip
+    found["runs for t"] = [bounds.runs_for_t(s) for s in (-3.0, -0.4, 0.0, 0.7, 2.0, 6.0)]
+    return found
+
+
+def indices_of_runs() -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for rows, columns in ((16, 3), (64, 4)):
+        a, b = drawn(rows, rows, columns), drawn(rows + 1, rows, columns)
+        every = [a, *(np.where(np.arange(columns) == i, b, a) for i in range(columns)), b]
+        y = np.stack([x[:, 0] * x[:, 1] + 0.2 * x[:, 2] for x in every], axis=1)
+        for confidence in (0.8, 0.95):
+            found[f"{rows} {confidence}"] = [
+                jackknife.indices(y, confidence), two_values.intervals(1.0 * (y > 1.2), confidence),
+                two_values.intervals(1.0 * (y > 4.0), confidence),
+            ]  # fmt: skip
+    return found
+
+
+def pooled_cells() -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for seed, (shape, reach) in enumerate([((5, 6), 0), ((5, 6), 1), ((8, 3), 2), ((1, 9), 1)]):
+        count = shape[0] * shape[1]
+        runs = Cells(np.repeat(np.arange(count), 4), np.sort(drawn(seed, 4 * count, 10)))
+        runs.lengths[:5] = np.inf
+        possible = drawn(seed + 50, count)
+        possible[2] = 0.0
+        found[f"{shape} {reach}"] = pooling.pooled(runs, possible, shape, seed, 1, reach)
+        found[f"{shape}"] = pooling.effective(shape)
+    return found
+
+
+def lengths_of_covariances() -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for d, share in product((1, 2, 3), (0.1, 0.5, 0.95, 0.999)):
+        half = np.random.default_rng(d).normal(size=(3, 5, d, d)) * drawn(d, 1, 5, 1, 1)
+        half[:, 0, :, 1:] = 0.0
+        found[f"{d} {share}"] = lengths.percentile(half @ half.swapaxes(-1, -2), share)
+    return found
+
+
+def experiments() -> dict[str, Any]:
+    """Analyses of runs on two levels, with and without centre points, and on several levels."""
+    found: dict[str, Any] = {}
+    names = ["a", "b", "c"]
+    points = pd.DataFrame(product((-1.0, 1.0), repeat=3), columns=names)
+    middle = pd.concat([points, pd.DataFrame([[0.0] * 3] * 2, columns=names)])
+    fraction = points[points.a * points.b * points.c > 0]
+    for seed, (table, runs) in enumerate([(points, 1), (points, 5), (middle, 3), (fraction, 4)]):
+        data = pd.concat([table.assign(replicate=r) for r in range(runs)], ignore_index=True)
+        noise = drawn(seed, len(data))
+        data["y"] = np.exp(0.4 * data.a - 0.2 * data.b * data.c) * (2 + noise)
+        data["run_order"] = np.argsort(noise)
+        for options in ({}, {"transform": "log"}, {"order": 1}, {"seeding": "common"},
+                        {"practical": 0.5, "confidence": 0.9}):  # fmt: skip
+            with contextlib.suppress(ConfigurationError):
+                told = quietly(
+                    lambda options=options, data=data: two_level(data, names, "y", **options)
+                )
+                found[f"two levels {seed} {options}"] = saying(told)
+    table = pd.DataFrame(product((1, 2, 5), ("x", "y"), (0.1, 0.2, 0.3, 0.4)), columns=names)
+    data = pd.concat([table.assign(replicate=r) for r in range(3)], ignore_index=True)
+    data["y"] = 1 + 0.3 * data.a * (data.b == "x") + data.c + drawn(9, len(data))
+    for options in ({}, {"typ": 3}, {"transform": "log"}, {"order": 1}, {"seeding": "common"},
+                    {"practical": 0.4, "confidence": 0.9}):  # fmt: skip
+        for some in (data, data.iloc[np.r_[0:40, 43:72]]):
+            with contextlib.suppress(ConfigurationError):
+                told = quietly(
+                    lambda options=options, some=some: several_levels(some, names, "y", **options)
+                )
+                found[f"levels {len(some)} {options}"] = saying(told)
+    return found
+
+
+def saying(answer: Any) -> dict[str, Any]:
+    return {
+        "text": answer.text(verbose=True).splitlines(),
+        "tables": {name: as_recorded.table_of(table) for name, table in answer.tables.items()},
+    }
+
+
+STATISTICS = (comparisons, bounds_of_runs, indices_of_runs, pooled_cells, lengths_of_covariances,
+              experiments)  # fmt: skip
+
+
+@pytest.mark.parametrize("made", STATISTICS, ids=lambda made: str(made.__name__))
+def test_statistics_of_drawn_numbers_are_as_recorded(made: Callable[[], dict[str, Any]]) -> None:
+    found = {key: as_recorded.fields_of(value) for key, value in made().items()}
+    as_recorded.check(made.__name__, found)
+
+
+@pytest.mark.parametrize("name", ["realistic-dive", "harbour-lbl"])
+def test_figures_of_a_long_dive_are_as_recorded(name: str) -> None:
+    result = quietly(lambda: sblcosim.run(name))
+    figures = [job for job in result.figures if job.name.startswith("path")]
+    assert figures
+    as_recorded.check(f"figures {name}", {
+        "figures": {job.name: as_recorded.drawn(job.axes()) for job in figures}
+    })  # fmt: skip
