@@ -30,6 +30,7 @@ from sblcosim.limits import lengths
 from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.declaration import Component, Variable
 from sblcosim.models.settings.presets import PRESET_TABLES, PRESET_VALUES
+from sblcosim.results.figures import maps
 from sblcosim.scenario.scenario import Scenario, load, shipped
 from sblcosim.scenario.wiring import connect
 from sblcosim.simulation.masters import lanes
@@ -324,7 +325,19 @@ def saying(answer: Any) -> dict[str, Any]:
     }
 
 
-STATISTICS = (comparisons, bounds_of_runs, indices_of_runs, pooled_cells, lengths_of_covariances,
+def sheets_of_maps() -> dict[str, Any]:
+    """Room for one map or several, of areas from narrow to wide [inch]."""
+    found: dict[str, Any] = {}
+    for count, north, east in product((1, 2, 3, 5, 9), (4.0, 20.0, 90.0), (3.0, 20.0, 70.0)):
+        limits = {"x_m": (-1.0, north - 1.0), "y_m": (2.0, east + 2.0)}
+        sheet = maps.Sheet(limits, count, 1.4)
+        found[f"{count} {north} {east}"] = [
+            sheet.wide, sheet.high, sheet.scale, sheet.beside, sheet.limits
+        ]
+    return found
+
+
+STATISTICS = (sheets_of_maps, comparisons, bounds_of_runs, indices_of_runs, pooled_cells, lengths_of_covariances,
               experiments)  # fmt: skip
 
 
