@@ -190,8 +190,6 @@ def same(before: Any, now: Any, tolerance: float) -> bool:
 
 def fields_of(thing: Any) -> Any:
     """The numbers of a dataclass, of what it holds, too."""
-    if isinstance(thing, tuple) and hasattr(thing, "_fields"):
-        return {name: fields_of(getattr(thing, name)) for name in thing._fields}
     if dataclasses.is_dataclass(thing):
         return {f.name: fields_of(getattr(thing, f.name)) for f in dataclasses.fields(thing)}
     if isinstance(thing, Mapping):

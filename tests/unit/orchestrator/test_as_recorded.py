@@ -337,8 +337,8 @@ def sheets_of_maps() -> dict[str, Any]:
     return found
 
 
-STATISTICS = (sheets_of_maps, comparisons, bounds_of_runs, indices_of_runs, pooled_cells, lengths_of_covariances,
-              experiments)  # fmt: skip
+STATISTICS = (sheets_of_maps, comparisons, bounds_of_runs, indices_of_runs, pooled_cells,
+              lengths_of_covariances, experiments)  # fmt: skip
 
 
 @pytest.mark.parametrize("made", STATISTICS, ids=lambda made: str(made.__name__))
