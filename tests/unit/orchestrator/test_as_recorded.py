@@ -11,6 +11,7 @@ import warnings
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 import as_recorded
@@ -63,6 +64,9 @@ DIVES: Mapping[str, tuple[str, dict[str, Any]]] = {
         **ROUGH, "acoustics.packet_content": "own_beacon", "acoustics.packet_bits": 60}),
     "misaligned": ("harbour-lbl", {
         "receiver.acceleration_psd_m2_s3": 0.01, "platform.mounting_std_m": 0.5}),
+    "layers": ("harbour-square", {
+        **ROUGH, "acoustics.sound_speed_m_s": None, "acoustics.profile_depth_m": [0.0, 1.0, 2.5],
+        "acoustics.profile_speed_m_s": [1530.0, 1480.0, 1510.0]}),
     "wakes": ("harbour-wakes", {"acoustics.shadow_loss_probability": 0.5,
                                 "acoustics.shadow_direction_deg": 20.0, "seed": 4}),
 }  # fmt: skip
@@ -345,6 +349,23 @@ STATISTICS = (sheets_of_maps, comparisons, bounds_of_runs, indices_of_runs, pool
 def test_statistics_of_drawn_numbers_are_as_recorded(made: Callable[[], dict[str, Any]]) -> None:
     found = {key: as_recorded.fields_of(value) for key, value in made().items()}
     as_recorded.check(made.__name__, found)
+
+
+@pytest.mark.parametrize(("name", "area", "keys"), [
+    ("harbour-wakes", "8x40", {"acoustics.shadow_loss_probability": 0.5,
+                               "acoustics.shadow_direction_deg": 20.0}),
+    ("harbour-square", "40x10", {"acoustics.schedule": "simultaneous",
+                                 "acoustics.loss_probability": 0.4,
+                                 "acoustics.shadow_loss_probability": 0.5,
+                                 "acoustics.shadow_direction_deg": 20.0}),
+])  # fmt: skip
+def test_a_map_is_as_recorded(name: str, area: str, keys: dict[str, Any]) -> None:
+    """Of wide and of tall areas, with a diver who shades the beacons."""
+    found = quietly(lambda: sblcosim.map_area(
+        name, area, 2.5, cells="2x2", runs=2, duration_s=8.0, settling_s=2.0, overrides=keys
+    ))  # fmt: skip
+    told = as_recorded.told(found, Path("nowhere"))
+    as_recorded.check(f"map {name}", told)
 
 
 @pytest.mark.parametrize("name", ["realistic-dive", "harbour-lbl"])
