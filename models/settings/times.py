@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from .either import symbolic
-
 _SECOND = 1_000_000_000
 """Nanoseconds per second."""
 
@@ -20,6 +18,4 @@ def update_interval(sampling_time_s: Any, ekf_ratio: int) -> Any:
     ekf_ratio
         Sampling times per update.
     """
-    if symbolic(sampling_time_s):
-        return sampling_time_s * ekf_ratio
     return round(sampling_time_s * _SECOND) * ekf_ratio / _SECOND
