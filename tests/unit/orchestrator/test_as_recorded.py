@@ -38,7 +38,7 @@ from sblcosim.simulation.masters import lanes
 from sblcosim.simulation.resolve import resolve
 
 ENVIRONMENT = ("target", "platform", "acoustics")
-ALIKE = {"harbour-random", "harbour-spiral", "paper-scenario-2", "paper-scenario-3"}
+ALIKE = {"paper-scenario-2", "paper-scenario-3"}
 """Scenarios that differ from others by the path alone."""
 ROUGH = {
     "platform.roll_amplitude_deg": 4.0, "platform.pitch_amplitude_deg": 3.0,
