@@ -28,10 +28,11 @@ import tempfile
 import time
 import tomllib
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
+from typing import IO
 
 from tree import ROOT, copy
 
@@ -59,6 +60,10 @@ class Mutation:
     end: int
     text: str
 
+    @property
+    def length(self) -> int:
+        return self.end - self.start
+
     def of(self, source: str) -> str:
         """The changed text."""
         return source[: self.start] + self.text + source[self.end :]
@@ -74,11 +79,7 @@ def mutations(source: str, suffix: str) -> list[Mutation]:
     suffix
         Suffix of its name: ``.py``, or ``.c`` and ``.h``, which are not compiled here.
     """
-    if suffix == ".py":
-        known = ast.dump(ast.parse(source))
-        found = {m for m in _Python(source) if known != _dump(m.of(source))}
-    else:
-        found = set(_of_c(source))
+    found = {*_Python(source)} if suffix == ".py" else {*_of_c(source)}
     return sorted(found, key=lambda m: (m.start, m.end, KINDS.index(m.kind), m.text))
 
 
@@ -104,9 +105,14 @@ class _Python:
             self.starts.append(self.starts[-1] + len(line))
 
     def __iter__(self) -> Iterator[Mutation]:
-        for mutation in self._below(self.tree):
-            if _dump(mutation.of(self.source)) is not None:
-                yield mutation
+        for statement in self.tree.body:  # each is parsed alone, which is fast
+            start, end = self._start(statement), self._end(statement)
+            text = self.source[start:end]
+            known = _dump(text)
+            for mutation in self._below(statement):
+                new = mutation.of(self.source)[start : end + len(mutation.text) - mutation.length]
+                if _dump(new) not in (None, known):
+                    yield mutation
 
     def _below(self, node: ast.AST) -> Iterator[Mutation]:
         yield from self._at(node)
@@ -400,20 +406,55 @@ class Bench:
 
     def outcome(self) -> str:
         """Result of the tests for the current tree: passed, killed, slow, or does not build."""
-        if self.build and self._run(self.build) != 0:
+        if self.build and self._run(self.build, self.limit, {}) != 0:
             return "does not build"
-        code = self._run([sys.executable, "-m", "pytest", "-x", "-q", *self.tests])
+        code, _ = self.pytest(["-x", *self.tests], self.limit)
         if code in {0, 1, None}:
             return {0: "passed", 1: "killed", None: "slow"}[code]
         return "killed"  # it cannot be imported, or ends the interpreter
 
-    def _run(self, command: Sequence[str]) -> int | None:
+    def change(self, file: str, text: str) -> None:
+        """Write a file, with a time of its own: otherwise its compiled form may seem up to date."""
+        path = self.tree / file
+        later = path.stat().st_mtime_ns // 10**9 + 1
+        path.write_text(text)
+        os.utime(path, (later, later))
+
+    def pytest(
+        self, arguments: Sequence[str], limit: float | None, more: Mapping[str, str] | None = None
+    ) -> tuple[int | None, str]:
+        """Exit code of pytest, none after the time limit, and what it prints.
+
+        Parameters
+        ----------
+        arguments
+            Of pytest.
+        limit
+            Time limit in seconds, or none.
+        more
+            Variables of the environment. Those that exist are extended, like ``PATH``.
+        """
+        with tempfile.TemporaryFile("w+") as said:
+            command = [sys.executable, "-m", "pytest", "-q", *arguments]
+            code = self._run(command, limit, more or {}, said)
+            said.seek(0)
+            return code, said.read()
+
+    def _run(
+        self,
+        command: Sequence[str],
+        limit: float | None,
+        more: Mapping[str, str],
+        output: IO[str] | int = subprocess.DEVNULL,
+    ) -> int | None:
+        known = self._environment
         process = subprocess.Popen(
-            command, cwd=self.tree, env=self._environment, start_new_session=True,
-            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+            command, cwd=self.tree, start_new_session=True, stdin=subprocess.DEVNULL,
+            stdout=output, stderr=output,
+            env=known | {k: os.pathsep.join(filter(None, (known.get(k), more[k]))) for k in more},
         )  # fmt: skip
         try:
-            return process.wait(self.limit)
+            return process.wait(limit)
         except subprocess.TimeoutExpired:
             return None
         finally:
@@ -427,7 +468,6 @@ class Bench:
         places = (self.folder / "site", self.tree, self.tree / "src")
         return os.environ | {
             "PYTHONPATH": os.pathsep.join(map(str, places)),
-            "PYTHONDONTWRITEBYTECODE": "1",  # a file may change twice in a second
             "SBLCOSIM_CACHE": str(self.folder / "cache"),
             "MPLBACKEND": "Agg",
         }
@@ -482,7 +522,7 @@ def main() -> int:
         counts: Counter[str] = Counter()
         for number in numbers:
             mutated = known[number].of(source)
-            (bench.tree / given.file).write_text(mutated)
+            bench.change(given.file, mutated)
             found = bench.outcome()
             counts[found] += 1
             line = 1 + source.count("\n", 0, known[number].start)

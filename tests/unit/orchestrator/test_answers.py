@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import MagicMock
 
+import as_recorded
 import log_samples
 import made_logs
 import pandas as pd
@@ -146,6 +147,8 @@ KINDS: dict[str, Callable[[Path], Any]] = {
 }  # fmt: skip
 PRINTED = {"run", "smooth", "runs", "compare", "budget", "map", "distances", "require",
            "calibrate", "identify", "log", "process", "advise", "analyse"}  # fmt: skip
+PARTS = {"two levels", "levels", "indices"}
+"""Those that others show as they are."""
 
 
 def load_of(folder: Path) -> Any:
@@ -210,6 +213,11 @@ def test_an_answer_has_its_one_form(kind: str, here: Path, tmp_path: Path) -> No
         told = document(found, folder)
         assert isinstance(told, DOCUMENTS[found.document])
         assert json.loads(told.text())["folder"] == str(folder)
+
+
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind not in PARTS])
+def test_an_answer_is_as_recorded(kind: str, here: Path) -> None:
+    as_recorded.check(kind, as_recorded.told(made(kind, here), here))
 
 
 @pytest.mark.parametrize("kind", ["require", "analyse full", "analyse grid", "analyse sweep"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import importlib.util
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -180,3 +181,54 @@ def test_tests_that_fail_already_and_builds_that_fail_are_told(project: Path) ->
     done = run(project, "--count", "2", "--limit", "2")
     assert (done.returncode, done.stdout) == (2, "")
     assert "got: slow" in done.stderr
+
+
+PROJECT = {
+    "models/way.py": PYTHON,
+    "orchestrator/__init__.py": "",
+    "orchestrator/apart.py": (
+        "LIMIT = 2.5\n\n\ndef least(a: float) -> float:\n    return a + LIMIT\n"
+    ),
+    "tests/test_way.py": (
+        "from models.way import path\nimport pytest\n"
+        "@pytest.fixture(scope='module')\ndef kept(): return path(1.0, 0, [1.0, 7.0])\n"
+        "def test_kept(kept): pass\n"
+        "def test_value(kept): assert kept == 0.5\n"
+        "def test_fails(): assert path(1.0, 1, [1.0]) == 7\n"
+    ),
+    "tests/test_apart.py": (
+        "from orchestrator.apart import least\ndef test_least(): assert least(1.0) == 3.5\n"
+    ),
+}  # fmt: skip
+
+
+def test_mutations_of_a_tree_run_the_tests_that_execute_them(tmp_path: Path) -> None:
+    tree, record = tmp_path / "tree", tmp_path / "record"
+    for name, text in PROJECT.items():
+        (tree / name).parent.mkdir(parents=True, exist_ok=True)
+        (tree / name).write_text(text)
+    (tree / "tools").mkdir()
+    (tree / "tools" / "recorder.py").write_text((TOOLS / "recorder.py").read_text())
+
+    def tool(*arguments: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [sys.executable, str(TOOLS / "mutate_tree.py"), arguments[0], str(record),
+             "--root", str(tree), *arguments[1:]],
+            capture_output=True, text=True, check=False,
+        )  # fmt: skip
+
+    recorded = tool("record", "--tests", "tests -p no:xdist")
+    assert recorded.stdout.endswith(f"3 tests in {record}\n"), recorded.stderr  # one fails
+    done = tool("draw", "--seed", "3", "--count", "1000")
+    assert (tree / "models/way.py").read_text() == PYTHON
+    found = dict(re.findall(r"^\d+: (\S+ number \d+), .*: (.*)$", done.stdout, re.MULTILINE))
+    of_constant = [killer for where, killer in found.items() if "apart" in where]
+    assert {*of_constant} == {"tests/test_apart.py::test_least"}  # which imports execute, too
+    of_way = [killer for where, killer in found.items() if "way" in where]
+    killers = {f"tests/test_way.py::test_{name}" for name in ("value", "kept")}
+    assert {*of_way} == {*killers, "SURVIVED"}
+    survivors = done.stdout.count("SURVIVED")
+    assert done.returncode == 1
+    assert done.stdout.endswith(f"seed 3: {survivors} of {len(found)} mutations survive\n")
+    half = tool("draw", "--seed", "3", "--count", "6", "--skip", "1", "--step", "2")
+    assert re.findall(r"^\d+", half.stdout, re.MULTILINE) == ["1", "3", "5"]
