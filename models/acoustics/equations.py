@@ -430,8 +430,11 @@ def _arrival(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     heard = heard * (w.arrival_shadow >= _shade(p, u, beacon) * _UNIFORMS)
     travel_time = ca.if_else(heard, time, echo)
     new = [it * (heard + (echo < _NEVER) > 0) for it in is_turn]
+    unknown = p.assumed_sound_speed * (since + x.clock_offset + x.clock_drift * (t - x.start))
     measured = _rounded(
-        _measured(p, x, w, t, travel_time) + x.common_error, p.range_resolution
+        _measured(p, x, w, t, travel_time)
+        + ca.if_else(p.common_clock, x.common_error, -unknown),
+        p.range_resolution,
     )
     late = travel_time - since
     carried = ca.repmat((drift * late).T, p.beacons, 1)

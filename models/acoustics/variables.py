@@ -43,13 +43,18 @@ _ANSWERED = tuple(name for name, it in RANGINGS.items() if it.legs > 1)
 _CLOCKED = (is_one_of("ranging", RANGING, *(name for name in RANGINGS if name not in _ANSWERED)),)
 _TWO_WAY = (is_one_of("ranging", RANGING, *_ANSWERED),)
 _INVERTED = (is_one_of("ranging", RANGING, *INVERTED),)
+_SYNCHRONISED = (
+    *not_zero("common_clock"),
+    is_one_of("ranging", RANGING, *(name for name in RANGINGS if name not in INVERTED)),
+)
 _IN_TURN = (is_one_of("ranging", RANGING, *(name for name in RANGINGS if name not in INVERTED)),)
 
 
 def _random() -> Iterator[tuple[Condition, ...]]:
     """Requirements for anything to be random; in each group, at least one condition must hold."""
-    clock, turnaround = (not_zero(*_CLOCK), _CLOCKED), (not_zero(*_TURNAROUND), _TWO_WAY)
-    common = (not_zero("range_common_std"), _INVERTED)
+    clock = (not_zero(*_CLOCK), _CLOCKED, _SYNCHRONISED)
+    turnaround = (not_zero(*_TURNAROUND), _TWO_WAY)
+    common = (not_zero("range_common_std"), _INVERTED, _SYNCHRONISED)
     for first, *rest in product(*(it.random for it in FOUND.values() if it.random)):
         for one, other, third in product(clock, turnaround, common):
             if (one, other) != (_CLOCKED, _TWO_WAY):  # one of these always holds
@@ -111,7 +116,10 @@ ARRIVALS = (
     parameter("range_resolution", "Step of the times of arrival, as a range; 0: they are not "
               "rounded", "m", min=0.0, max=1000.0, needs=(_INVERTED,)),
     parameter("range_common_std", "Standard deviation of the error that all arrivals of a ping "
-              "share, besides the noise of each", "m", min=0.0, max=1e6, needs=(_INVERTED,)),
+              "share, besides the noise of each", "m", min=0.0, max=1e6,
+              needs=(_INVERTED, _SYNCHRONISED)),
+    switch("common_clock", "Whether beacons and diver have a common clock; without one, only the "
+           "differences of the arrivals of a ping are known", True, needs=(_INVERTED,)),
     switch("arrivals_shared", "Whether all arrivals of a ping are lost or late together, as at "
            "hydrophones a few centimetres apart", False, needs=(_INVERTED,)),
 )
@@ -145,16 +153,16 @@ COMPONENT = Component(
                   max=1.0),
         *FOUND["outliers"].parameters,
         parameter("clock_offset", "Receiver's clock minus the beacons' clock at the start", "s",
-                  needs=(_CLOCKED,)),
+                  needs=(_CLOCKED, _SYNCHRONISED)),
         parameter("clock_offset_std", "Standard deviation of the offset that each run adds to it",
-                  "s", min=0.0, needs=(_CLOCKED,)),
+                  "s", min=0.0, needs=(_CLOCKED, _SYNCHRONISED)),
         parameter("clock_drift", "Drift of the receiver's clock", "s/s", min=-0.1, max=0.1,
-                  needs=(_CLOCKED,)),
+                  needs=(_CLOCKED, _SYNCHRONISED)),
         parameter("clock_drift_std", "Standard deviation of the drift that each run adds", "s/s",
-                  min=0.0, needs=(_CLOCKED,)),
+                  min=0.0, needs=(_CLOCKED, _SYNCHRONISED)),
         parameter("clock_sync_age", "Time between the last synchronisation of the clocks and "
                   "the start; they drift during it", "s", min=0.0,
-                  needs=(not_zero("clock_drift", "clock_drift_std"), _CLOCKED)),
+                  needs=(not_zero("clock_drift", "clock_drift_std"), _CLOCKED, _SYNCHRONISED)),
         parameter("processing_delay", "Time the receiver takes before it stamps an arrival", "s",
                   min=0.0, max=1.0),
         parameter("processing_delay_correction", "Delay that the receiver subtracts", "s",

@@ -25,9 +25,7 @@ PING = Ping(surroundings.STATES)
 _LEAST_VARIANCE = 1e-12
 """Of c as measured [m²]."""
 _LATER = 1e9
-"""Larger than any innovation [m]."""
-_FREE, _LATE = 1e4, 10.0
-"""Variance of a free c, in variances of a range, and the standard deviation added to it [m]."""
+"""More than any innovation [m]."""
 
 
 def _told(p: Symbols) -> Symbols:
@@ -88,11 +86,11 @@ def _pinged(
 ) -> tuple[Any, Any, Heard, Any]:
     """Apply all arrivals of a ping.
 
-    The earliest one says what they have in common, c, and nothing else: c is free at first. The
-    others, each of which may be late beside it, say where the diver is seen. Then c gets its prior,
-    as if it were measured to be 0: it may be too large, where the ping is late as a whole. A prior
-    of c before the differences would make a share of all doubts about the ping those of its
-    bearing, which is known a hundred times better.
+    The earliest one says what they have in common, c, and nothing else: nothing is known of c at
+    first. The others, each of which may be late beside it, say where the diver is seen. Then c gets
+    its prior, as if it were measured to be 0: it may be too large, where the ping is late as a
+    whole. With its prior before, a doubt whether the ping is late would be one about its bearing,
+    which is known a hundred times better.
 
     Returns
     -------
@@ -109,14 +107,16 @@ def _pinged(
     ]
     off = ca.vertcat(*(z[i] - row.value for i, row in enumerate(rows)))
     earliest = ca.mmin(ca.if_else(there, off, _LATER))
+    # If the time of the ping is unknown, the earliest arrival is as expected.
+    known = p.common_clock
+    off = off - ca.if_else(known, 0, earliest)
+    earliest = ca.if_else(known, earliest, 0)
     leads, any_there = [], ca.SX(0)
     for i in range(n):  # the first of equal ones
         leads.append(there[i] * (off[i] <= earliest) * (any_there == 0))
         any_there += leads[-1]
 
-    first = _chosen(rows, leads)
-    P, free = _freed(P, first, any_there)
-    d, P, _, _ = coupled.updated(P, ca.SX.zeros(P.shape[0]), first, earliest, any_there)
+    d, P = _begun(P, _chosen(rows, leads), earliest, any_there)
     shares, short, density, nis = ca.SX.zeros(n), ca.SX(0), ca.SX(1), ca.SX(0)
     for i, row in enumerate(rows):
         use = there[i] * (1 - leads[i])
@@ -125,29 +125,43 @@ def _pinged(
         short += use * heard.short
         density = density * ca.if_else(use, heard.density, 1)
         nis += heard.nis
-    prior = Measurement(-state[PING.common], {PING.common: -1}, free)
-    d, P, heard = _further(p, P, d, prior, state[PING.common], any_there)
+    # Its variance is not 0, even where there is no ping and nothing in common.
+    variance = ca.fmax(p.range_common_std**2, _LEAST_VARIANCE)
+    prior = Measurement(0, {PING.common: -1}, variance)
+    d, P, heard = _further(p, P, d, prior, 0, any_there * known)
     mean, P, _ = arc.retract(mean, P, d)
     others = ca.fmax(ca.sum1(there) - 1, 1)
     several = ca.sum1(there) > 1
+    share = ca.if_else(known, heard.share, 1)
     return mean, P, Heard(
-        ca.fmin(ca.if_else(several, ca.sum1(shares) / others, 1), heard.share),
-        ca.fmax(short / others, heard.short),
-        density * heard.density, nis + heard.nis,
-    ), shares + heard.share * ca.vertcat(*leads)
+        ca.fmin(ca.if_else(several, ca.sum1(shares) / others, 1), share),
+        ca.fmax(short / others, ca.if_else(known, heard.short, 0)),
+        density * ca.if_else(known, heard.density, 1), nis + heard.nis,
+    ), shares + known * share * ca.vertcat(*leads)
 
 
-def _freed(P: Any, row: Measurement, there: Any) -> tuple[Any, Any]:
-    """P with a free c; and the variance with which c is 0, so that both are its prior.
+def _begun(P: Any, row: Measurement, innovation: Any, there: Any) -> tuple[Any, Any]:
+    """d and P after the first arrival, if nothing at all is known of c before.
 
-    A free c is a hundred times as uncertain as a range, plus 10 m, which doubles can hold.
+    Then c is what the range exceeds its expectation by, with the error of both, and nothing else
+    becomes better known: the limit of a Kalman update for a prior variance of c without bound.
     """
+    n, c = P.shape[0], PING.common
+    H = ca.SX(n, 1)
+    for i, value in row.row.items():
+        H[i] = value if i != c else 0
     P = ca.SX(P)
-    prior = P[PING.common, PING.common]
-    free = _FREE * coupled.gain(P, row)[1] + _LATE**2
-    P[PING.common, PING.common] = ca.if_else(there, free, prior)
-    # Not 0, even where there is no ping and nothing in common.
-    return P, ca.fmax(prior / (1 - prior / free), _LEAST_VARIANCE)
+    for i in range(n):  # it has nothing in common with the past
+        if i != c:
+            P[i, c] = P[c, i] = 0
+    crossing = P @ H
+    after = ca.SX(P)
+    for i in range(n):
+        after[i, c] = after[c, i] = -crossing[i]
+    after[c, c] = ca.fmax(ca.dot(H, crossing), 0) + row.variance
+    d = ca.SX.zeros(n)
+    d[c] = ca.if_else(there, innovation, 0)
+    return d, ca.if_else(there, after, P)
 
 
 def _further(
@@ -160,7 +174,7 @@ def _further(
 
 
 def _chosen(rows: list[Measurement], flags: list[Any]) -> Measurement:
-    """The row whose flag is 1; without one, the last row, to which the caller gives weight 0."""
+    """The row whose flag is 1, or the last one, of which a weight of 0 makes nothing."""
     def of(values: list[Any]) -> Any:
         found = values[-1]
         for flag, value in zip(flags[:-1], values[:-1], strict=True):

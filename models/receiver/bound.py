@@ -215,6 +215,15 @@ def _arrival(m: Any, p: Any, s: Any) -> Measurement:
     return replace(row, row={**row.row, **swing})
 
 
+def _array_prior(m: Any, p: Any, s: Any) -> Mapping[int, Any]:
+    known = PLATFORM.prior_stds(m, p, s)
+    untimed = _either(p.known_start, p.prior_position_std, ping.UNTIMED_STD)
+    place = _either(p.common_clock, known[0], m.fmax(known[0], untimed))
+    return {
+        **known, **dict.fromkeys(surroundings.POSITION, place), **_PING.prior_stds(m, p),
+    }
+
+
 def _array_transition(m: Any, p: Any, dt: Any) -> tuple[Elements, ...]:
     p = _of_array(p)
     both = zip(waves.transition(m, p, dt), _PING.transition(m, p, dt, p.pings), strict=True)
@@ -224,13 +233,12 @@ def _array_transition(m: Any, p: Any, dt: Any) -> tuple[Elements, ...]:
 ARRAY = Bound(
     parameters=(
         *(name for name in PLATFORM.parameters if name != "imu_tilt_std"),
-        "assumed_sound_speed", "range_common_std", "imu_tilt_noise_std", "imu_tilt_error_std",
+        "assumed_sound_speed", "range_common_std", "common_clock", "imu_tilt_noise_std",
+        "imu_tilt_error_std",
     ),
     states=waves.STATES + ping.STATES,
     each=0,
-    prior_stds=lambda m, p, s: {
-        **PLATFORM.prior_stds(m, _of_array(p), s), **_PING.prior_stds(m, _of_array(p)),
-    },
+    prior_stds=lambda m, p, s: _array_prior(m, _of_array(p), s),
     transition=_array_transition,
     rows=tuple(
         replace(row, of=_arrival if row.of is _range else _array_row(row.of))

@@ -21,6 +21,8 @@ from .surroundings import PLATFORM, POSITION, VELOCITY, Elements, Pose, Range
 _MEMORY = 1e-6
 """Correlation time of what has no memory [s]: nothing is left at the next ping, all at 0 s."""
 STATES = 6
+UNKNOWN_STD, UNTIMED_STD = 1e3, 200.0
+"""Those of c and of the first position if the time of a ping is unknown [m]."""
 LEAST_ARRIVAL_STD = 1e-4
 """Smallest standard deviation of an arrival, as a range [m]."""
 
@@ -58,8 +60,12 @@ class Ping:
         return self.first + 4, self.first + 5
 
     def variance(self, p: Any) -> Any:
-        """Prior variance of c [m²]."""
-        return p.range_common_std**2
+        """Prior variance of c [m²]: very large if the time of a ping is unknown."""
+        return p.common_clock * p.range_common_std**2 + (1 - p.common_clock) * UNKNOWN_STD**2
+
+    def timed(self, p: Any) -> Any:
+        """Whether the time of a ping is known: 0 or 1."""
+        return p.common_clock
 
     def late_together(self, p: Any) -> Any:
         """Whether the arrivals of a ping are late together: 0 or 1."""
@@ -68,7 +74,7 @@ class Ping:
     def prior_stds(self, m: Any, p: Any) -> dict[int, Any]:
         """Standard deviations before any measurement."""
         return {
-            self.common: p.range_common_std,
+            self.common: m.sqrt(self.variance(p)),
             self.sunk: p.gps_vertical_std,
             **dict.fromkeys(self.tilts, m.sqrt(surroundings.tilt(p, 0.0)[1])),
             **dict.fromkeys(self.errors, p.imu_tilt_error_std),

@@ -19,7 +19,7 @@ from . import bank, least_squares
 from .estimate import pack, unpack
 from .least_squares import adjugate, reciprocal, symmetric
 from .measurements import DEPTH, Samples, distance, with_beacons
-from .ping import LEAST_ARRIVAL_STD, Ping
+from .ping import LEAST_ARRIVAL_STD, UNTIMED_STD, Ping
 from .surroundings import (
     CLOCK,
     DEPTH_BIAS,
@@ -35,6 +35,8 @@ from .surroundings import (
 
 _FAR_STD = 30.0
 """Least prior of the diver about the platform, north and east [m]: see `_near`."""
+_UNTIMED = 50.0
+"""First guess of the distance if the time of the ping is unknown [m]."""
 _LEAST_OFFSET_STD = 1e-3
 """Smallest standard deviation of the common error of all ranges [m]."""
 
@@ -121,14 +123,26 @@ def _placed(x: Symbols, u: Symbols, mean: Any) -> Samples:
     return replace(s, beacons=ca.vertcat(*rows))
 
 
-def _near(s: Samples) -> Any:
+def _timed(p: Symbols, s: Samples, ping: Ping) -> Any:
+    """Ranges and depth, (N + 1, 1) [m]; ranges without a common clock as if from `_UNTIMED`."""
+    heard = s.heard[:DEPTH]
+    ranges = s.z[:DEPTH]
+    mean = ca.dot(heard, ranges) / ca.fmax(ca.sum1(heard), 1)
+    untimed = ranges - mean + _UNTIMED
+    return ca.vertcat(ca.if_else(ping.timed(p), ranges, untimed), s.z[DEPTH])
+
+
+def _near(p: Symbols, s: Samples, ping: Ping | None) -> Any:
     """Information of the diver's prior about the platform, north and east [1/m²].
 
     It counts where ranges say nothing. Its standard deviation grows with them, as one of 30 m would
     draw a diver nearer who is far away.
     """
     longest = ca.mmax(s.heard[:DEPTH] * s.z[:DEPTH])
-    return reciprocal(ca.fmax(longest - _FAR_STD, _FAR_STD) ** 2)
+    std = ca.fmax(longest - _FAR_STD, _FAR_STD)
+    if ping:
+        std = ca.if_else(ping.timed(p), std, UNTIMED_STD)
+    return reciprocal(std**2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,15 +203,15 @@ def _offset(p: Symbols, length: Any, ping: Ping | None) -> Offset:
     return Offset(variance, p.clock_std**2 * share, speed * share, common * share)
 
 
-def _fit(position: Any, platform: Any, s: Samples, weight: Any, prior: Any) -> Fix:
+def _fit(position: Any, platform: Any, s: Samples, weight: Any, prior: Any, close: Any) -> Fix:
     """Linearise the fix at a position.
 
     Parameters
     ----------
     platform
         Its position, (3, 1) [m].
-    prior
-        Information on the common offset [1/m²].
+    prior, close
+        Information on the common offset, and of `_near` [1/m²].
     """
     alone = reciprocal(ca.sum1(weight[:DEPTH]) + prior)
     information, slope = ca.SX.zeros(3, 3), ca.SX.zeros(3)
@@ -214,7 +228,7 @@ def _fit(position: Any, platform: Any, s: Samples, weight: Any, prior: Any) -> F
     information[2, 2] += weight[DEPTH]
     slope[2] += weight[DEPTH] * residual
     cost += weight[DEPTH] * residual**2
-    near = ca.SX([1, 1, 0]) * _near(s)
+    near = ca.SX([1, 1, 0]) * close
     off = position - platform
     return Fix(
         position,
@@ -286,6 +300,8 @@ def _fixed(numbers: Any) -> _Fixed:
 
 def _pass(p: Symbols, x: Symbols, u: Symbols, mean: Any, ping: Ping | None) -> Values:
     s = _placed(x, u, mean)
+    if ping:
+        s = replace(s, z=_timed(p, s, ping))
     begins = x.passes == least_squares.PASSES
     position = ca.if_else(begins, least_squares.closed_form(s), x.fix)
     platform = ca.vertcat(mean[list(PLATFORM)], x.platform_down - mean[VERTICAL_ERROR])
@@ -303,10 +319,11 @@ def _pass(p: Symbols, x: Symbols, u: Symbols, mean: Any, ping: Ping | None) -> V
     )
     weight = least_squares.weights(s, variances + motion**2)
 
-    here = _fit(position, platform, s, weight, prior)
+    close = _near(p, s, ping)
+    here = _fit(position, platform, s, weight, prior, close)
     damped = here.information + x.damping * ca.diag(ca.diag(here.information))
     step = least_squares.inverse(damped) @ here.slope
-    there = _fit(position + step, platform, s, weight, prior)
+    there = _fit(position + step, platform, s, weight, prior, close)
     better = there.cost <= here.cost
     last = ca.fmax(ca.sumsqr(step) < least_squares.CLOSE**2, x.passes == 1)
     fix = Fix(*(
@@ -317,7 +334,7 @@ def _pass(p: Symbols, x: Symbols, u: Symbols, mean: Any, ping: Ping | None) -> V
     doubt = reciprocal(ca.fmax(fix.cost / degrees, 1))
     fixed = _Fixed(
         fix.position, fix.information, fix.offset, fix.alone, fix.lean, doubt, weight[DEPTH],
-        _near(s), offset,
+        close, offset,
     )
     return {
         "fix": fix.position,

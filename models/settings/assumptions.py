@@ -107,8 +107,11 @@ SOURCES: Mapping[str, Sequence[str]] = {
         "platform.imu_tilt_std_deg", "platform.roll_amplitude_deg",
         "platform.pitch_amplitude_deg", *_WAVES, *_ANGLES,
     ),
-    "range_common_std_m": ("acoustics.range_common_std_m", "acoustics.ranging"),
+    "range_common_std_m": (
+        "acoustics.range_common_std_m", "acoustics.ranging", "acoustics.common_clock",
+    ),
     "arrivals_shared": ("acoustics.arrivals_shared",),
+    "common_clock": ("acoustics.common_clock", "acoustics.ranging"),
     "outlier_probability": (
         "acoustics.outlier_probability", "acoustics.outlier_mean_m", "acoustics.loss_probability",
         "acoustics.surface_echo_probability", "acoustics.bottom_echo_probability",
@@ -128,12 +131,12 @@ SOURCES: Mapping[str, Sequence[str]] = {
         "acoustics.clock_offset_s", "acoustics.clock_offset_std_s", "acoustics.clock_drift_s_s",
         "acoustics.clock_drift_std_s_s", "acoustics.clock_sync_age_s",
         "acoustics.processing_delay_s", "acoustics.processing_delay_correction_s",
-        "acoustics.assumed_sound_speed_m_s", "acoustics.ranging",
+        "acoustics.assumed_sound_speed_m_s", "acoustics.ranging", "acoustics.common_clock",
         "acoustics.turnaround_bias_std_s",
     ),
     "clock_walk_psd_m2_s": (
         "acoustics.clock_drift_s_s", "acoustics.clock_drift_std_s_s",
-        "acoustics.assumed_sound_speed_m_s", "acoustics.ranging",
+        "acoustics.assumed_sound_speed_m_s", "acoustics.ranging", "acoustics.common_clock",
     ),
     "sound_speed_std": ("acoustics.sound_speed_m_s", "acoustics.assumed_sound_speed_m_s"),
     "depth_bias_std_m": ("target.depth_bias_m", "target.depth_bias_std_m"),
@@ -209,6 +212,7 @@ def assumed(
         **_tilt_error(platform, tilt),
         "range_common_std_m": common_noise(acoustics),
         "arrivals_shared": acoustics.arrivals_shared,
+        "common_clock": has_clock(acoustics),
         "outlier_probability": greatest(
             late(outliers, acoustics), _LEAST_OUTLIER_PROBABILITY
         ),
@@ -266,9 +270,15 @@ def range_noise(acoustics: Any) -> Any:
     return hypot(acoustics.range_std_m, late)
 
 
+def has_clock(acoustics: Any) -> bool:
+    """Whether the time of a ping is known where it is heard, or does not matter."""
+    return acoustics.common_clock or acoustics.ranging not in INVERTED
+
+
 def common_noise(acoustics: Any) -> Any:
     """Standard deviation of what all arrivals of a ping share [m]."""
-    return acoustics.range_common_std_m if acoustics.ranging in INVERTED else 0.0
+    shares = acoustics.ranging in INVERTED and acoustics.common_clock
+    return acoustics.range_common_std_m if shares else 0.0
 
 
 def with_common(noise: Any, acoustics: Any) -> Any:
@@ -419,6 +429,8 @@ def clock(acoustics: Any) -> dict[str, Any]:
             "clock_std_m": half * hypot(delay, acoustics.turnaround_bias_std_s),
             "clock_walk_psd_m2_s": 0.0,
         }
+    if not has_clock(acoustics):
+        return {"clock_std_m": 0.0, "clock_walk_psd_m2_s": 0.0}
     drift, drift_std = acoustics.clock_drift_s_s, acoustics.clock_drift_std_s_s
     age, speed = acoustics.clock_sync_age_s, acoustics.assumed_sound_speed_m_s
     fixed = acoustics.clock_offset_s + drift * age + delay

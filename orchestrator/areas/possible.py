@@ -8,6 +8,7 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from sblcosim.models.settings.assumptions import has_clock
 
 from ..judge.pooling import SHARE
 from ..limits import lengths, places
@@ -89,9 +90,10 @@ def possible(
     frame, _, what = error.rpartition("_")
     axes = 2 if what == "horizontal" else 3
     chosen = found.absolute if frame == "absolute" else found.relative
+    timed = has_clock(scenario.acoustics)
     rings = [
         limits_of(np.zeros(len(centres), np.int64), found.absolute[k], found.relative[k],
-                  found.offset[k], 0.0, False).ring
+                  found.offset[k], 0.0, False, timed=timed).ring
         for k in range(len(found.offset))
     ]  # fmt: skip
     chosen = chosen[..., :axes, :axes].reshape(-1, grid.count, axes, axes)

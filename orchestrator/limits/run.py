@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from sblcosim.fmus.stopping import interruptible
+from sblcosim.models.settings.assumptions import has_clock
 from sblcosim.models.settings.parameters import STOCHASTIC
 
 from ..data.record import Record, epochs_ns
@@ -84,7 +85,8 @@ def reference(
     absolute, relative = (
         P[:, 0] for P in covariances(model, epochs, position[:, None], np.array([q], float))
     )
-    found = limits_of(epoch, absolute, relative, position - epochs.platform, q, is_bound)
+    found = limits_of(epoch, absolute, relative, position - epochs.platform, q, is_bound,
+                      timed=has_clock(scenario.acoustics))
     # With beacons far apart, a position is no bearing, and there is no ring.
     return replace(
         found, ring=found.ring & (not model.own_errors), without=left_out(scenario),

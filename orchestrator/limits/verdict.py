@@ -28,6 +28,10 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Integers = NDArray[np.int64]
 
+MOST_DISTANCE_SHARE = 1 / 8
+"""Largest standard deviation along the line to the platform, as a share of the distance, with which
+the distance is known at all: beyond it, linear errors are far from true ones. It is asked for only
+where no range tells the distance."""
 MOST_BEARING_STD = pi / 8
 """Largest standard deviation of a bearing that a receiver can hold [rad]: a quarter of 90°."""
 
@@ -46,7 +50,8 @@ class Limits(Shown):
     bearing_std
         Standard deviation of the diver's bearing from the platform [rad]; shape (n,).
     ring
-        Whether the posterior is bent so far that it is no longer a point; shape (n,).
+        Whether the posterior is no longer a point: bent too far, or, without a common clock, too
+        long; shape (n,).
     acceleration_psd
         q of the diver [m²/s³].
     is_bound
@@ -57,6 +62,8 @@ class Limits(Shown):
     left_out
         Estimated mean squares of these errors [m²], by what they are in words; each (n,). See
         `sblcosim.limits.unknown`.
+    timed
+        Whether ranges tell the distance.
     """
 
     epoch_ns: Integers
@@ -68,6 +75,7 @@ class Limits(Shown):
     is_bound: bool
     without: tuple[str, ...] = ()
     left_out: Mapping[str, Floats] = field(default_factory=dict)
+    timed: bool = True
 
     @property
     def kind(self) -> str:
@@ -105,6 +113,7 @@ class Limits(Shown):
             acceleration_psd=self.acceleration_psd,
             without=self.without,
             left_out={words: float(it[which].mean()) for words, it in self.left_out.items()},
+            timed=self.timed,
         )
 
 
@@ -128,6 +137,8 @@ class Possible:
         Keys of the scenario whose errors are left out.
     left_out
         Estimated mean square of each [m²], by what it is in words; NaN: not known.
+    timed
+        Whether ranges tell the distance.
     """
 
     kind: str
@@ -138,6 +149,7 @@ class Possible:
     acceleration_psd: float
     without: tuple[str, ...] = ()
     left_out: Mapping[str, float] = field(default_factory=dict)
+    timed: bool = True
 
     @property
     def matters(self) -> dict[str, float]:
@@ -179,6 +191,11 @@ class Possible:
         if self.accuracy:
             without = f"; without: {', '.join(self.without)}" if self.without else ""
             return f"possible: {self.absolute_rms:.2f} m RMS ({self.kind}{without})"
+        if self.bearing_std <= MOST_BEARING_STD:
+            return (
+                "no accuracy is possible: without a common clock, only the bearing is known, to "
+                f"{np.rad2deg(self.bearing_std):.1g}°, and not the distance"
+            )
         return (
             "no accuracy is possible: the bearing is only known to "
             f"{np.rad2deg(self.bearing_std):.0f}°, so positions all around the platform fit"
@@ -192,7 +209,8 @@ def rms(covariance: Floats) -> float:
 
 
 def limits_of(
-    epoch_ns: Integers, absolute: Floats, relative: Floats, offset: Floats, q: float, is_bound: bool
+    epoch_ns: Integers, absolute: Floats, relative: Floats, offset: Floats, q: float,
+    is_bound: bool, *, timed: bool = True,
 ) -> Limits:
     """Judge covariances.
 
@@ -200,6 +218,8 @@ def limits_of(
     ----------
     offset
         True x − p, NED [m]; shape (n, 3).
+    timed
+        Whether ranges tell the distance, and not only differences of arrivals.
     """
     reach = np.hypot(offset[:, 0], offset[:, 1])
     e = np.where((reach > 0)[:, None], offset[:, :2] / np.fmax(reach, 1e-300)[:, None], [1.0, 0.0])
@@ -210,4 +230,8 @@ def limits_of(
     bearing = np.sqrt(tangential) / np.fmax(reach, 1e-9)
     sagitta = reach * bearing**2 / 2
     ring = (bearing > MOST_BEARING_STD) & (sagitta > np.sqrt(radial))
-    return Limits(epoch_ns, absolute, relative, np.fmin(bearing, pi), ring, q, is_bound)
+    if not timed:
+        ring |= np.sqrt(radial) > MOST_DISTANCE_SHARE * reach
+    return Limits(
+        epoch_ns, absolute, relative, np.fmin(bearing, pi), ring, q, is_bound, timed=timed
+    )

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 from sblcosim.fmus import files
+from sblcosim.models.settings.assumptions import has_clock
 
 from .. import artifacts, style
 from ..answer import Answer
@@ -403,6 +404,11 @@ class Result(Answer):
         if not hasattr(scenario, "dump_toml"):
             raise ConfigurationError(
                 f"log: must be of a run of a scenario, got one of {self.scenario_name!r}"
+            )
+        if not has_clock(scenario.acoustics):
+            raise ConfigurationError(
+                "log: must be of ranges, got differences of arrivals: "
+                f"{scenario.where('acoustics', 'common_clock')} is false"
             )
         told = of_record(
             self.record, name=self.scenario_name, title=self.title,

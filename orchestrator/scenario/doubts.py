@@ -129,6 +129,9 @@ def _of_pings(scenario: Scenario, declared: ReceiverDeclaration) -> str | None:
     if "range_common_std" in names:
         return None if inverted else "no array hears a ping of the diver: try coupled"
     claims = "clock_std" in names  # others are for comparisons, or take no errors of a system
+    if inverted and not acoustics.common_clock and "beacon_position_source" not in names:
+        where = scenario.where("acoustics", "common_clock")
+        return f"there are no ranges, only differences ({where}): try array"
     if claims and inverted and acoustics.range_common_std_m > acoustics.range_std_m:
         where = scenario.where("acoustics", "range_common_std_m")
         return f"all arrivals of a ping share most of their error ({where}): try array"

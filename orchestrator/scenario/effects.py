@@ -163,7 +163,7 @@ def _text(group: Iterable[_Met], table: Any) -> str:
         if variable.choices is not None:
             value = variable.choices[value]
         elif not condition.values:
-            value = 0
+            value = False if variable.type == "Boolean" else 0
         names.setdefault(toml(value), []).append(variable.key)
     return " and ".join(f"{_are(keys)} {value}" for value, keys in names.items())
 

@@ -12,6 +12,8 @@ from ..variables import FILTER, SYSTEM_TERMINALS, WATCH, WITH_BUOYS, receiver
 _PING = (
     parameter("range_common_std", "Assumed standard deviation of the error that all ranges of a "
               "ping share", "m", start=0.1, min=0.0),
+    switch("common_clock", "Whether the time of a ping is known; if not, only the differences of "
+           "its arrivals count", True),
     switch("arrivals_shared", "Whether the arrivals of a ping are late together", False),
     parameter("imu_tilt_noise_std", "IMU: standard deviation of the white error of roll and pitch",
               "rad", start=radians(0.1), min=0.0, max=pi / 2),

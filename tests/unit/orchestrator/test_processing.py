@@ -67,6 +67,8 @@ def test_a_simulated_dive_gives_its_own_estimates_to_the_bit(
     {"acoustics.packet_bits": 96},
     {"acoustics.ranging": "two_way", "acoustics.turnaround_s": 0.1},
     {"acoustics.ranging": "inverted", "acoustics.range_resolution_m": 0.01},
+    {"acoustics.ranging": "inverted", "acoustics.range_common_std_m": 0.1,
+     "acoustics.arrivals_shared": True},
     pytest.param({"platform.beacons": 3}, marks=pytest.mark.slow),
     pytest.param({"platform.beacons": 8, "acoustics.schedule": "simultaneous"},
                  marks=pytest.mark.slow),
@@ -78,6 +80,8 @@ def test_the_same_holds_for_other_packets_beacons_and_intervals(
 ) -> None:
     known = {"time.duration_s": 60.0, "target.trajectory": "random_path"}
     receivers = ["sequential", "coupled"]
+    if "acoustics.range_common_std_m" in keys:
+        receivers = ["array", "coupled"]
     run, log = written(tmp_path / "run", "realistic-dive", receivers, overrides=known | keys)
     processed = process(log, receivers)
     for label in run.receivers:
