@@ -73,7 +73,7 @@ def _filter(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     def ranged(
         p: Symbols, mean: Any, P: Any, said: pose.Packet, swing: Swing, z: Any, weight: Any
     ) -> tuple[Any, Any, Heard, list[Step]]:
-        mean, P, heard, of_each = _pinged(p, x, mean, P, said, weight)
+        mean, P, heard, of_each = pinged(p, x, mean, P, said, weight)
         shares.append(of_each)
         return mean, P, heard, []
 
@@ -81,7 +81,7 @@ def _filter(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     return {**changed, "shares": x.shares + part * shares[0]}
 
 
-def _pinged(
+def pinged(
     p: Symbols, x: Symbols, mean: Any, P: Any, said: pose.Packet, weight: Any
 ) -> tuple[Any, Any, Heard, Any]:
     """Apply all arrivals of a ping.

@@ -146,7 +146,7 @@ class Ping:
         reach = m.fmax(y[0] ** 2 + y[1] ** 2, surroundings.NEAREST**2)
         # Roll φ and pitch θ rotate the frame by a = φ (c, s) + θ (-s, c), and the diver by a × o,
         # north deep a_e, east -deep a_n. Along the line to the platform, ranges and depth hold it.
-        found = {}
+        found: dict[int, Any] = {}
         for states, turn in zip(zip(self.tilts, self.errors, strict=True),
                                 ((c, s), (-s, c)), strict=True):
             across = (-deep * (turn[1] * y[1] + turn[0] * y[0])) / reach

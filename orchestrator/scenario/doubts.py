@@ -109,12 +109,13 @@ def _of_receivers(scenario: Scenario, chosen: Mapping[str, Source]) -> Iterator[
     platform = scenario.platform
     beacons = alike("errors", id(platform), lambda: arrangement.errors_of(platform), platform)
     for label, source in chosen.items():
-        declared = FOUND.get(source) if isinstance(source, str) else of_fmu(source)
+        ours = FOUND.get(source) if isinstance(source, str) else None
+        declared = ours if isinstance(source, str) else of_fmu(source)
         if declared is None:
             continue
         what = declared.unfit.get(beacons) if beacons is not None else None
-        if what is None and isinstance(source, str):
-            what = _of_pings(scenario, declared)
+        if what is None and ours is not None:
+            what = _of_pings(scenario, ours)
         if what is not None:
             yield f"receiver {label}: is for {declared.purpose}; here {what}"
 

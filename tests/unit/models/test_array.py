@@ -132,7 +132,7 @@ def packet() -> pose.Packet:
 def updated(p: Any, z: Floats, there: Floats, seed: int) -> tuple[Floats, Floats]:
     mean, P = state(seed)
     x = SimpleNamespace(arrivals=ca.SX(np.column_stack([there, z])))
-    found = array._pinged(p, x, ca.SX(mean), ca.SX(P), packet(), 1)
+    found = array.pinged(p, x, ca.SX(mean), ca.SX(P), packet(), 1)
     return tuple(np.array(ca.evalf(it)) for it in found[:2])  # type: ignore[return-value]
 
 
