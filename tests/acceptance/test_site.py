@@ -194,7 +194,7 @@ def test_every_page_of_the_gallery_is_drawn(drawn: Path) -> None:
     pages = {path.stem for path in DOCS.glob("gallery/*.py")}
     made = drawn / "docs" / "made" / "gallery"
     assert {path.stem for path in made.glob("*.py")} == pages
-    assert len(pages) == 24
+    assert len(pages) == 25
 
 
 def test_the_site_is_built_and_whole(tmp_path: Path, drawn: Path) -> None:
@@ -252,7 +252,7 @@ def every_document_is_a_page(site: Site) -> None:
     assert len(readmes) > 25
     written = [*DOCS.rglob("*.md"), *DOCS.rglob("*.ipynb"), *readmes]
     drawn = [DOCS / "made" / p.relative_to(DOCS) for p in DOCS.glob("gallery/*.py")]
-    assert len(drawn) == 24
+    assert len(drawn) == 25
     for path in (*(p for p in written if "made" not in p.parts), *drawn):
         page = site.folder / path.relative_to(ROOT).with_suffix(".html")
         assert page in site.pages, path
