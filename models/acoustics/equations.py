@@ -150,11 +150,12 @@ _DRAWS_OF_SHADOW = (
 
 
 def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Values:
+    in_turn = 1 - _which(p, lambda it: it.from_diver)
     turn = _counted_round(p, k - 1)
     for it in SCHEDULES.values():
         if it.first is not None:
             own = _counted_round(p, it.first(k - 1))
-            turn = ca.if_else(p.schedule == it.number, own, turn)
+            turn = ca.if_else((p.schedule == it.number) * in_turn, own, turn)
     others = sum(
         (p.schedule == it.number) * (it.together(p.beacons) - 1)
         for it in SCHEDULES.values() if it.together(p.beacons) > 1
@@ -165,7 +166,7 @@ def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Val
     )
     partial = prod(p.packet_content != it.number for it in CONTENTS.values() if it.is_everything)
     return {
-        **_ping(p, x, u, w, t, turn), "turn": turn, "waiting": others,
+        **_ping(p, x, u, w, t, turn), "turn": turn, "waiting": others * in_turn,
         "sounding": sounding, "unwritten": partial + _is_rounded(p) > 0,
         "asking": _which(p, lambda it: it.legs > 1) * (others + 1),
         "listening": _which(p, lambda it: it.from_diver) * p.beacons,

@@ -300,7 +300,7 @@ def _worst(study: Study, table: pd.DataFrame, column: str, results: Path) -> lis
     mine = (runs["point"] == row["point"]) & (runs["replicate"] == row["replicate"])
     run_id = runs.loc[mine, "run_id"].iloc[0]
     text = (
-        f"The largest {column} is {measured(float(row[column]), 'm')}, in the run with seed "
+        f"The largest value is {measured(float(row[column]), 'm')}, in the run with seed "
         f"{row['seed']} at point {row['point']}. This command repeats the run and writes "
         "replay.html, a page that plays it back:"
     )

@@ -203,7 +203,7 @@ def test_figures_come_before_tables_and_each_point_says_what_went_wrong(tmp_path
 def test_the_study_in_a_report_is_the_same_study(tmp_path: Path) -> None:
     _, html = reported(tmp_path, LABELLED)
     tree = html5lib.parse(html, namespaceHTMLElements=False)
-    file, commands = ("".join(code.itertext()) for code in tree.iter("code"))
+    *_, file, commands = ("".join(code.itertext()) for code in tree.iter("code"))
     assert commands.splitlines()[0] == f"sblcosim study small.toml --out {tmp_path / 'own'}"
     (tmp_path / "small.toml").write_text(file)
     again = study.load(tmp_path / "small.toml")

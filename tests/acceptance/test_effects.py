@@ -136,6 +136,7 @@ MORE = {
     "harbour-wakes": {"time.duration_s": 40.0},
     "harbour-lbl": {"time.duration_s": 90.0, "platform.mean_heading_deg": 7.0},
     "gps-buoys": {"time.duration_s": 90.0},
+    "usbl-boat": {"time.duration_s": 60.0, "acoustics.outlier_probability": 0.3},
 }
 SPECTRUM = {
     "platform.motion": "spectrum", "platform.wave_height_m": 0.6, "platform.watch_circle_m": 3.0,

@@ -151,7 +151,7 @@ def test_it_warns_where_it_is_not_for_the_beacons(tmp_path: Path) -> None:
         ((('"seen": s.mark,', '"saw": s.mark,'),), "not a state: saw"),
         ((("return estimate.outputs(", "return dict(position=x.position) or ("),),
          "outputs do not match: covariance"),
-        ((("min=0.0, max=1.0", "unit='furlong'"),), "must be importable, got .*furlong"),
+        ((("min=0.0, max=1.0", "unit='furlong'"),), "unit 'furlong' is not one of"),
         ((("def equations() -> Equations:\n", "def equations() -> Equations:\n    1 / 0\n"),),
          "must make its equations, got ZeroDivisionError: .*receiver.py, line"),
         ((("    def initial(p", "    import os\n    os._exit(3)\n\n    def initial(p"),),

@@ -246,6 +246,7 @@ NOISY: Mapping[str, Values] = {
     "coupled": {"acceleration_psd": 0.1},
     "fixed_lag": {"acceleration_psd": 0.1, "lag": 0.4},
     "long_baseline": {"acceleration_psd": 0.1, "beacon_error_std": 0.3},
+    "array": {"acceleration_psd": 0.1},
     "multilateration": {},
     "range_model": {},
 }

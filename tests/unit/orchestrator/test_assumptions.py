@@ -16,6 +16,7 @@ import sblcosim
 from sblcosim.fmus.build.factory import build
 from sblcosim.limits import echoes
 from sblcosim.models import COMPONENTS, RECEIVERS
+from sblcosim.models.receiver.receivers.array import COMPONENT as ARRAY
 from sblcosim.models.receiver.receivers.coupled import COMPONENT as COUPLED
 from sblcosim.models.receiver.receivers.long_baseline import COMPONENT as LONG_BASELINE
 from sblcosim.models.settings import paths
@@ -26,7 +27,8 @@ from sblcosim.scenario.sources import choice_of
 from sblcosim.scenario.wiring import applied, connect
 
 COUPLED_KEYS = {v.key for v in COUPLED.of("parameter")}
-KEYS = COUPLED_KEYS | {v.key for v in LONG_BASELINE.of("parameter")}
+ARRAY_KEYS = {v.key for v in ARRAY.of("parameter")}
+KEYS = COUPLED_KEYS | ARRAY_KEYS | {v.key for v in LONG_BASELINE.of("parameter")}
 README = Path(__file__).parents[3] / "models" / "receiver" / "README.md"
 
 FOLLOWS: list[tuple[dict[str, Any], str, Any]] = [
@@ -87,6 +89,12 @@ FOLLOWS: list[tuple[dict[str, Any], str, Any]] = [
     ({"platform.imu_tilt_std_deg": 0.2, "platform.imu_tilt_bias_deg": -0.3,
       "platform.imu_tilt_turn_on_std_deg": 0.6}, "imu_tilt_std_deg", 0.7),
     ({"platform.imu_tilt_markov_std_deg": 0.4}, "imu_tilt_std_deg", 0.4),
+    ({"platform.imu_tilt_std_deg": 0.2}, "imu_tilt_noise_std_deg", 0.2),
+    ({"platform.misalignment_tilt_std_deg": 0.4}, "imu_tilt_error_std_deg", 0.4),
+    ({"acoustics.range_common_std_m": 0.3, "acoustics.ranging": "inverted"},
+     "range_common_std_m", 0.3),
+    ({"acoustics.arrivals_shared": True}, "arrivals_shared", True),
+    ({"acoustics.common_clock": False, "acoustics.ranging": "inverted"}, "common_clock", False),
     ({"acoustics.packet_content": "everything"}, "pose_source", "reported_pose"),
     ({"acoustics.packet_content": "pose"}, "pose_source", "reported_pose"),
     ({"acoustics.packet_content": "all_beacons"}, "pose_source", "beacon_positions"),
@@ -157,7 +165,8 @@ FOLLOWS: list[tuple[dict[str, Any], str, Any]] = [
 def test_each_number_follows_from_the_scenario(
     given: dict[str, Any], key: str, expected: Any
 ) -> None:
-    type_ = "coupled" if key in COUPLED_KEYS else "long_baseline"
+    others = "long_baseline" if key in KEYS - ARRAY_KEYS else "array"
+    type_ = "coupled" if key in COUPLED_KEYS else others
     scenario = load({"receiver": {"type": type_}}, given)
     if not isinstance(expected, str):
         expected = pytest.approx(expected, rel=1e-9)
@@ -331,7 +340,7 @@ def test_the_table_in_the_documents() -> None:
     text = README.read_text(encoding="utf-8")
     rows = re.findall(r"^\| (`[^|]+) \| ([^|]+) \|.*\|$", text[text.index("| parameter | from"):],
                       flags=re.MULTILINE)
-    named = {v.name: v.key for r in (COUPLED, LONG_BASELINE) for v in r.of("parameter")}
+    named = {v.name: v.key for r in (COUPLED, LONG_BASELINE, ARRAY) for v in r.of("parameter")}
     found = {named[name]: set(re.findall(r"`(\w+\.\w+)`", sources))
              for names, sources in rows for name in re.findall(r"`(\w+)`", names)}
     expected = {key: set(sources) for key, sources in SOURCES.items()}

@@ -114,19 +114,20 @@ PRESETS = {
     "acoustics.shadow_loss_probability": 0.5, "platform.misalignment_heading_std_deg": 1.0,
 }
 PRESET_DIVES: dict[str, tuple[dict[str, Any], set[str]]] = {
-    "presets": (PRESETS, {"turn-around", "timing"}),
+    "presets": (PRESETS, {"turn-around", "timing", "ping"}),
     "presets, two-way": (
         {**{key: value for key, value in PRESETS.items() if "acoustics.clock" not in key},
          "acoustics.ranging": "two_way", "acoustics.turnaround_std_s": 1e-4},
-        {"clock", "timing"},
+        {"clock", "timing", "ping"},
     ),
     "presets, inverted": (
-        {**PRESETS, "acoustics.ranging": "inverted", "acoustics.range_resolution_m": 0.02},
+        {**PRESETS, "acoustics.ranging": "inverted", "acoustics.range_resolution_m": 0.02,
+         "acoustics.range_common_std_m": 0.05},
         {"turn-around"},
     ),
     "presets, in a sea": (
         {**PRESETS, "platform.motion": "spectrum", "platform.watch_circle_m": 3.0},
-        {"turn-around", "timing"},
+        {"turn-around", "timing", "ping"},
     ),
 }
 """Dives with the presets, and the sources of error that they cannot have."""

@@ -192,6 +192,7 @@ CALLS: dict[str, Any] = {
     "calibrate.calibrate fmi": calibrate.calibrate,
     "comparison.tournament.result.Tournament.plot theme": COMPARED.plot,
     "answer.Answer.save theme": partial(COMPARED.save, "nowhere"),
+    "comparison.tournament.result.Tournament.save other": partial(COMPARED.save, "nowhere"),
     "answer.Answer.save other": partial(COMPARED.save, "nowhere"),
     "comparison.tournament.figures.plot_tournament theme": partial(
         tournament_figures.plot_tournament, *tournament_figures.shown(COMPARED)

@@ -91,7 +91,7 @@ def test_the_example_of_a_question_is_an_answer(name: str) -> None:
      (["--beacons", "9 x 3 m"], "--beacons: must be at most 8, got 9"),
      (["--like", "lbl", "--gps", "rtk"], "--gps: must be left out, as beacons on the bottom have "
                                          "none, got 'rtk'"),
-     (["--like", "bouys"], "--like: must be platform, water-linked, buoys, lbl or paper, got "
+     (["--like", "bouys"], "--like: must be platform, water-linked, usbl, buoys, lbl or paper, got "
                            "'bouys'; did you mean 'buoys'?"),
      (["--like", "lbl", "--from", "realistic-dive"], "--like: must come without --from, got both"),
      (["--path", "0 0; 9 0"], "--path: must be points, each north, east and down in m, e.g. 0 0 5; "
