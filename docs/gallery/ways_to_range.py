@@ -58,12 +58,18 @@ def errors(place, receiver, keys):
     return found
 
 
-with use("light") as look:
-    ax = new_figure(7.0, 4.2).subplots()
-    for (name, told), mark, line in zip(families.items(), "os^Dv", look.receivers, strict=False):
-        ax.loglog(distances, errors(*told), marker=mark, label=name, color=line)
-    ax.set(xlabel="Distance from the platform [m]", ylabel="RMS error [m]")
-    ax.set_xticks(distances, [f"{it:g}" for it in distances])
-    ax.set_yticks([0.5, 1, 2, 5, 10], ["0.5", "1", "2", "5", "10"])
-    ax.minorticks_off()
-    ax.legend()
+def plot_ways(told):
+    """RMS error of each family against the distance."""
+    with use("light") as look:
+        ax = new_figure(7.0, 4.2).subplots()
+        for (name, it), mark, line in zip(told.items(), "os^Dv", look.receivers, strict=False):
+            ax.loglog(distances, errors(*it), marker=mark, label=name, color=line)
+        ax.set(xlabel="Distance from the platform [m]", ylabel="RMS error [m]")
+        ax.set_xticks(distances, [f"{it:g}" for it in distances])
+        ax.set_yticks([0.5, 1, 2, 5, 10], ["0.5", "1", "2", "5", "10"])
+        ax.minorticks_off()
+        ax.legend()
+    return ax
+
+
+plot_ways(families)

@@ -575,7 +575,7 @@ def test_the_report_of_a_study_says_how_to_play_its_worst_run(
     assert done.exit_code == 0, done.output
     table = store.table("runs")
     largest = table["ekf.absolute_total_rms_m"].max()
-    assert f"ekf.absolute_total_rms_m is {measured(largest, 'm')}" in report
+    assert f"The largest value is {measured(largest, 'm')}" in report
     browsing(tmp_path / "worst" / "replay.html")
     errors = pd.read_csv("worst/errors.csv").set_index(["receiver", "frame", "axis"])
     assert errors.rms_m["ekf", "absolute", "total"] == pytest.approx(largest, rel=1e-12)
