@@ -40,14 +40,16 @@ families = {
 bottom = {"beacon_m": [[40, 40, 25], [-40, 40, 25], [-40, -40, 25], [40, -40, 25]],
           "mounting_std_m": 0.3}
 boat = {"beaufort": 2, "gps_grade": "standalone", "arm_length_m": 3.0,
-        "imu_heading_turn_on_std_deg": 2.0, "imu_tilt_std_deg": 1.0}
+        "imu_tilt_std_deg": 1.0}
 distances = np.array([10.0, 30.0, 100.0, 300.0])
 
 
-def errors(place, receiver, keys):
+def errors(place, receiver, keys, compass):
     """RMS total error at each distance [m]."""
     scenario = sblcosim.load({
-        "name": "round", "platform": boat if place == "platform" else bottom,
+        "name": "round",
+        "platform": boat | {"imu_heading_turn_on_std_deg": compass}
+        if place == "platform" else bottom,
         "receiver": {"type": receiver, "acceleration_psd_m2_s3": "learned"},
     })
     found = []
@@ -58,12 +60,12 @@ def errors(place, receiver, keys):
     return found
 
 
-def plot_ways(told):
-    """RMS error of each family against the distance."""
+def plot_ways(compass=2.0):
+    """RMS error of each family against the distance, for a compass [degrees]."""
     with use("light") as look:
         ax = new_figure(7.0, 4.2).subplots()
-        for (name, it), mark, line in zip(told.items(), "os^Dv", look.receivers, strict=False):
-            ax.loglog(distances, errors(*it), marker=mark, label=name, color=line)
+        for (name, it), mark, line in zip(families.items(), "os^Dv", look.receivers, strict=False):
+            ax.loglog(distances, errors(*it, compass), marker=mark, label=name, color=line)
         ax.set(xlabel="Distance from the platform [m]", ylabel="RMS error [m]")
         ax.set_xticks(distances, [f"{it:g}" for it in distances])
         ax.set_yticks([0.5, 1, 2, 5, 10], ["0.5", "1", "2", "5", "10"])
@@ -72,4 +74,8 @@ def plot_ways(told):
     return ax
 
 
-plot_ways(families)
+plot_ways()
+
+# %%
+# To see what a better compass does, change its error:
+plot_ways(compass=0.5)
