@@ -15,6 +15,7 @@ from ..catalogue import Figure, Job, by_name, jobs
 from ..judge.definitions import LOST, MANY_LOST
 from ..layout import fitted, table
 from ..lazy import Module
+from ..limits.verdict import why_none
 from ..results import data_sheet
 from ..shown import Picture
 from ..words.lists import counted
@@ -166,8 +167,8 @@ class DistanceCurve(OverPlaces):
         bent = int((~rows["accuracy"]).sum())
         if bent:
             yield (
-                f"no accuracy is possible at {counted(bent, 'distance')}: places all around the "
-                "platform fit"
+                f"no accuracy is possible at {counted(bent, 'distance')}: "
+                f"{why_none(self.scenario)}"
             )
         yield from self.failed()
         if verbose:

@@ -99,7 +99,8 @@ def possible(
     chosen = chosen[..., :axes, :axes].reshape(-1, grid.count, axes, axes)
     accuracy = (np.mean(np.reshape(rings, (-1, grid.count)), axis=0) <= 0.5) | found.own_errors
     squares = np.trace(chosen, axis1=2, axis2=3).mean(axis=0)
-    dilution = hdop(centres, places.still_beacons(scenario)).horizontal
+    beacons = places.still_beacons(scenario)
+    dilution = hdop(centres, beacons, unknown_clock=not timed).horizontal
     return PossibleInCells(
         lengths.percentile(chosen, SHARE),
         accuracy,

@@ -20,6 +20,7 @@ from ..judge.definitions import LOST, MANY_LOST
 from ..judge.pooling import effective
 from ..layout import fitted
 from ..lazy import Module
+from ..limits.verdict import why_none
 from ..results import data_sheet
 from ..shown import Picture
 from ..tracks.place import Origin
@@ -275,8 +276,8 @@ class AreaMap(OverPlaces):
             yield from self._method()
         if found["cells_without_accuracy"]:
             yield (
-                f"no accuracy is possible in {_cells(found['cells_without_accuracy'])}: places all "
-                "around the platform fit"
+                f"no accuracy is possible in {_cells(found['cells_without_accuracy'])}: "
+                f"{why_none(self.scenario)}"
             )
         if found["cells_without_estimate"]:
             yield f"more than 5 % without an estimate in {_cells(found['cells_without_estimate'])}"

@@ -13,7 +13,12 @@ from sblcosim.models.declaration import Component
 from sblcosim.models.receiver.receivers.array import COMPONENT as ARRAY
 from sblcosim.models.receiver.receivers.coupled import COMPONENT as COUPLED
 from sblcosim.models.receiver.receivers.long_baseline import COMPONENT as LONG_BASELINE
-from sblcosim.models.settings.assumptions import common_noise, range_noise, with_common
+from sblcosim.models.settings.assumptions import (
+    common_noise,
+    has_clock,
+    range_noise,
+    with_common,
+)
 from sblcosim.models.settings.parameters import of_model
 
 from ..scenario.arrangement import has_own_errors
@@ -41,7 +46,9 @@ def parameters(
     a = scenario.acoustics
     common, noise = common_noise(a), range_noise(a)
     # Outliers that arrivals share say nothing false about their differences.
-    together = bool(a.arrivals_shared and common and receiver is ARRAY)
+    together = bool(
+        a.arrivals_shared and receiver is ARRAY and (common or not has_clock(a))
+    )
     share = fisher_factor(
         common if together else noise if receiver is ARRAY else with_common(noise, a),
         a.outlier_probability, a.outlier_mean_m, a.outlier_distribution,
@@ -109,8 +116,8 @@ def conditions(scenario: Scenario, acceleration_psd: float | None = None) -> Con
         q of the path [m²/s³], see `path_psd`; None: the target's if its motion is drawn from the
         model, otherwise 0.01.
     """
-    inverted = scenario.acoustics.ranging in INVERTED
-    p = parameters(scenario, acceleration_psd, ARRAY if inverted else COUPLED)
+    a = scenario.acoustics
+    p = parameters(scenario, acceleration_psd, ARRAY if a.ranging in INVERTED else COUPLED)
     beacons = beacons_of(p)
     return Conditions(
         range_std=p.range_std,
@@ -124,5 +131,5 @@ def conditions(scenario: Scenario, acceleration_psd: float | None = None) -> Con
         heading_std=p.imu_heading_error_std,
         heading_noise_std=p.imu_heading_std,
         together=schedule_of(scenario.acoustics).together(len(beacons)),
-        ping_std=common_noise(scenario.acoustics),
+        ping_std=common_noise(a) if has_clock(a) else np.inf,
     )

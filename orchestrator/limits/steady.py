@@ -36,7 +36,7 @@ class Conditions:
     together
         Number of beacons that ping in the same slot.
     ping_std
-        Standard deviation of what all ranges of a slot share [m].
+        Standard deviation of what all ranges of a slot share [m]; infinite without a common clock.
     slot
         T, time between packets and between depth readings [s].
     loss

@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from sblcosim.models.settings.assumptions import has_clock
 
 from ..shown import Shown
 from ..words.numbers import meters
@@ -206,6 +207,13 @@ def rms(covariance: Floats) -> float:
     """√ of the mean trace [m] of covariances (m, 3, 3) [m²]."""
     mean = float(np.trace(covariance, axis1=1, axis2=2).mean())
     return sqrt(mean) if mean >= 0 else float("nan")
+
+
+def why_none(scenario: Any) -> str:
+    """Why places have no accuracy, as the end of a sentence."""
+    if has_clock(scenario.acoustics):
+        return "places all around the platform fit"
+    return "without a common clock, only a bearing is known, or not even that"
 
 
 def limits_of(

@@ -102,7 +102,7 @@ class Analysis(Extended):
         (folder / REPORT).write_text(render(page), "utf-8")
 
 
-_WHICH = ("point", "replicate", "run_id")
+_RUN = "run_id"
 """Columns that identify a run."""
 _BLANK: Mapping[str, Any] = {
     "transform": "none", "method": None, "confidence": 0.95, "dropped": 0, "left_out": None,
@@ -142,7 +142,10 @@ def analysed(
     results = Path(results)
     study = study_of(results)
     response = response or columns.default_response(study)
-    table = store.table(results, columns.needed(study, response, receiver))
+    needed = columns.needed(study, response, receiver)
+    table = store.table(
+        results, lambda names: [it for it in names if it in {*needed(names), _RUN}]
+    )
     has_points = study.sample is None and study.model is None
     if study.design.kind in ("grid", "space"):
         _check_options(study, order=order, error=error, practical=practical)
@@ -296,15 +299,12 @@ def _worst(study: Study, table: pd.DataFrame, column: str, results: Path) -> lis
     if not np.isfinite(lengths).any():
         return []
     row: Any = table.iloc[int(np.nanargmax(np.where(np.isfinite(lengths), lengths, np.nan)))]
-    runs = store.table(results, lambda names: [n for n in names if n in _WHICH])
-    mine = (runs["point"] == row["point"]) & (runs["replicate"] == row["replicate"])
-    run_id = runs.loc[mine, "run_id"].iloc[0]
     text = (
         f"The largest value is {measured(float(row[column]), 'm')}, in the run with seed "
         f"{row['seed']} at point {row['point']}. This command repeats the run and writes "
         "replay.html, a page that plays it back:"
     )
-    command = shlex.join(["sblcosim", "replay", str(results), str(run_id), "--replay"])
+    command = shlex.join(["sblcosim", "replay", str(results), str(row[_RUN]), "--replay"])
     return [Section("Look at the worst run", "worst", [Text(text), Code(command)], folded=True)]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from sblcosim.models import RECEIVERS
+from sblcosim.models.acoustics.contents import CONTENTS
 from sblcosim.models.acoustics.ranging import INVERTED
 from sblcosim.models.receiver.receiver import ReceiverDeclaration
 from sblcosim.models.receiver.receivers import FOUND
@@ -128,7 +129,12 @@ def _of_pings(scenario: Scenario, declared: ReceiverDeclaration) -> str | None:
     inverted = acoustics.ranging in INVERTED
     names = {v.name for v in declared.component.of("parameter")}
     if "range_common_std" in names:
-        return None if inverted else "no array hears a ping of the diver: try coupled"
+        if not inverted:
+            return "no array hears a ping of the diver: try coupled"
+        if CONTENTS[acoustics.packet_content].only_own:
+            where = scenario.where("acoustics", "packet_content")
+            return f"packets say nothing of the array's pose ({where}): try coupled"
+        return None
     claims = "clock_std" in names  # others are for comparisons, or take no errors of a system
     if inverted and not acoustics.common_clock and "beacon_position_source" not in names:
         where = scenario.where("acoustics", "common_clock")

@@ -12,7 +12,7 @@ import pytest
 import sblcosim
 from numpy.typing import NDArray
 from sblcosim.errors import NoEffectWarning
-from sblcosim.limits import closed_form, places, run
+from sblcosim.limits import closed_form, hdop, places, run
 from sblcosim.limits.parameters import conditions, model_of, parameters
 from sblcosim.models.receiver.bound import ARRAY
 from sblcosim.models.receiver.receivers.array import COMPONENT
@@ -207,6 +207,8 @@ def test_on_a_map_it_agrees_with_the_run(recwarn: Any) -> None:
     ("coupled", {}, "try array"), ("fixed_lag", {}, "try array"), ("array", {}, None),
     ("array", {"acoustics.ranging": "one_way"}, "try coupled"),
     ("array", {"acoustics.ranging": "two_way"}, "try coupled"),
+    ("array", {"acoustics.packet_content": "own_beacon"}, "nothing of the array's pose"),
+    ("array", {"acoustics.packet_content": "all_beacons"}, None),
     ("coupled", {"acoustics.common_clock": False}, "only differences"),
     ("coupled", {"acoustics.range_common_std_m": 0.0}, None), ("ekf", {}, None),
 ])
@@ -257,6 +259,32 @@ def test_without_a_common_clock_clocks_have_no_effect_and_far_away_there_is_only
     assert "only the bearing is known" in str(far.verdict())
     assert "common clock" in str(far.verdict())
     assert far.verdict().to_json()["absolute_rms_m"] is None
+
+
+def test_without_a_common_clock_the_closed_form_has_no_distance_and_the_dilution_is_another(
+) -> None:
+    timed, untimed = (boat(acoustics__common_clock=it, platform__arm_length_m=3.0)
+                      for it in (True, False))
+    one, other = (closed_form([40.0, 0.0, 0.0], conditions(it, 0.01)) for it in (timed, untimed))
+    assert np.isfinite(one.radial)
+    assert np.isinf(other.radial)
+    assert np.isinf(other.fix_radial)
+    assert one.cross == other.cross
+
+
+@pytest.mark.parametrize("timed", [True, False])
+def test_a_map_says_why_there_is_no_accuracy_and_has_the_dilution_of_differences(
+    timed: bool
+) -> None:
+    scenario = boat(acoustics__common_clock=timed, platform__arm_length_m=3.0,
+                    acoustics__range_std_m=0.05)
+    found = sblcosim.map_area(scenario, "190,210,-10,10", 15.0, cells=2, runs=2, duration_s=30.0)
+    beacons = places.still_beacons(scenario)
+    expected = hdop(found.grid.centres, beacons, unknown_clock=not timed).horizontal
+    assert found.cells["hdop"].to_numpy() == pytest.approx(expected, rel=1e-6)
+    said = found.text(verbose=True)
+    assert ("without a common clock, only a bearing is known" in said) != timed
+    assert "all around the platform" not in said
 
 
 def test_there_is_no_log_of_differences(tmp_path: Path) -> None:
