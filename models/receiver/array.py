@@ -1,8 +1,8 @@
 """The filter `coupled` for beacons that all hear one ping: its arrivals are used together.
 
-They share errors (`ping`), which states take. All arrivals of a ping are linearised at one state,
-and the state is corrected once, along the arc. The earliest arrival, as the filter expects them,
-comes first: a range may be late, never early, so that it is the others that are late beside it.
+They share errors (`ping`), which are states. All arrivals of a ping are linearised at one state,
+and the state is corrected once, along the arc. The arrival that is earliest, compared with what the
+filter expects, comes first: a range may be late, but never early, so the others are late beside it.
 """
 
 from __future__ import annotations

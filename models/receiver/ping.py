@@ -97,7 +97,7 @@ class Ping:
     def range_(self, m: Any, p: Any, x: Sequence[Any], pose: Pose, body: Sequence[Any]) -> Range:
         """A range of a ping at a beacon, see `surroundings.range_`.
 
-        The epoch is that of the arrivals. The ping left the diver before, where the diver was then.
+        The epoch is that of the arrivals. The ping left the diver earlier, from where it was then.
         Where the pose is not reported, its tilt is not that of the beacons, and the errors of it
         are not in the range.
         """
@@ -108,7 +108,10 @@ class Ping:
                 (pose.roll, pose.pitch), self.tilts, self.errors, strict=True
             )
         )
-        tilted = replace(pose, roll=roll, pitch=pitch, tilt_variance=pose.tilt_variance * pose.own)
+        tilted = replace(
+            pose, down=pose.down - x[self.sunk], roll=roll, pitch=pitch,
+            tilt_variance=pose.tilt_variance * pose.own,
+        )
         travel = self._travel_time(m, p, x, pose)
         left = [*(x[i] - travel * x[j] for i, j in zip(POSITION, VELOCITY, strict=True)), *x[3:]]
         of_each = SimpleNamespace(**{**vars(p), "gps_vertical_std": 0.0})  # b has it

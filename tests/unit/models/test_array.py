@@ -129,6 +129,58 @@ def packet() -> pose.Packet:
     )
 
 
+def geometry(x: Floats, said: Pose, arm: Floats) -> float:
+    """The range to a beacon from rotations, of the diver when the ping left it."""
+    angles = (said.roll + x[PING.tilts[0]] + x[PING.errors[0]],
+              said.pitch + x[PING.tilts[1]] + x[PING.errors[1]], x[surroundings.HEADING])
+    (cr, sr), (cp, sp), (cy, sy) = ((np.cos(a), np.sin(a)) for a in angles)
+    R = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]]) @ np.array(
+        [[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]]) @ np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+    down = said.down - x[surroundings.VERTICAL_ERROR] - x[PING.sunk]
+    platform = np.array([*x[list(surroundings.PLATFORM)], down])
+    reported = np.array([*x[list(surroundings.PLATFORM)], said.down])
+    travel = np.linalg.norm(x[:3] - reported) / 1500.0
+    left = x[:3] - travel * x[3:6]
+    length = float(np.linalg.norm(left - platform - R @ arm))
+    return float((1 + x[surroundings.SPEED]) * length + x[surroundings.CLOCK] + x[PING.common])
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_an_arrival_is_the_geometry_and_its_row_the_derivative_of_it(seed: int) -> None:
+    """By every state, to the first order; the travel time is held."""
+    rng = np.random.default_rng(seed)
+    x = rng.normal(0, 0.1, N)
+    x[:3] += rng.uniform([-40, -40, 5], [40, 40, 30])
+    x[3:6] += rng.normal(0, 1.0, 3)
+    x[surroundings.HEADING] += rng.uniform(-3, 3)
+    x[surroundings.SPEED] *= 0.1
+    arm = rng.normal(0, 2.0, 3)
+    said = Pose(down=0.3, roll=0.05, pitch=-0.08, tilt_variance=1e-4)
+    row = PING.range_(ca, parameters(), [ca.SX(v) for v in x], said, arm)
+    assert float(ca.evalf(ca.SX(row.value))) == pytest.approx(geometry(x, said, arm), abs=1e-9)
+    step = 1e-6
+    for i in range(N):
+        e = np.eye(N)[i] * step
+        slope = (geometry(x + e, said, arm) - geometry(x - e, said, arm)) / (2 * step)
+        told = float(ca.evalf(ca.SX(row.row.get(i, 0.0))))
+        scale = max(abs(slope), 1e-3)
+        # The travel time follows the diver's place, by a speed over that of sound.
+        assert told == pytest.approx(slope, abs=3e-3 * scale + 3e-3 * (i in (0, 1, 2, 6, 7))), i
+    of_each = float(ca.evalf(ca.SX(row.variance)))
+    assert of_each == pytest.approx(5e-4**2)  # all other noise is in the states
+
+
+@pytest.mark.parametrize(("excess", "short"), [(3.0, 0.0), (-3.0, 1.0)])
+def test_a_ping_is_late_or_too_short_as_a_whole(excess: float, short: float) -> None:
+    p = parameters(outlier_probability=0.1, outlier_mean=2.0)
+    mean, P = state(2)
+    h, _, _ = rows(p, mean, P)
+    x = SimpleNamespace(arrivals=ca.SX(np.column_stack([np.ones(4), h + excess])))
+    heard = array.pinged(p, x, ca.SX(mean), ca.SX(P), packet(), 1)[2]
+    assert float(ca.evalf(ca.SX(heard.share))) == pytest.approx(0.0, abs=1e-6)
+    assert float(ca.evalf(ca.SX(heard.short))) == pytest.approx(short, abs=1e-6)
+
+
 def updated(p: Any, z: Floats, there: Floats, seed: int) -> tuple[Floats, Floats]:
     mean, P = state(seed)
     x = SimpleNamespace(arrivals=ca.SX(np.column_stack([there, z])))
