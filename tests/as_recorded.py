@@ -44,9 +44,9 @@ def told(answer: Any, here: Path) -> dict[str, Any]:
 
 
 def table_of(table: pd.DataFrame) -> dict[str, Any]:
-    """Each column: its words, or the digest of its numbers."""
+    """Each column: its words, or the digest of its numbers. Runs are named by their code."""
     flat = table.reset_index() if table.index.names != [None] else table
-    return {str(name): column_of(flat[name]) for name in flat}
+    return {str(name): column_of(flat[name]) for name in flat if name != "run_id"}
 
 
 def column_of(values: pd.Series[Any]) -> Any:
