@@ -6,11 +6,15 @@
 
 import { roundStep } from "../../web/js/pen.js";
 import { $, element, put, shape } from "./dom.js";
-import { typed } from "./words.js";
+import { typed } from "./phrases.js";
 
-const SIZE = 260, LEAST = 3, MOST = 8;
+const SIZE = 260, LEAST = 3;
 const AXES = ["forward", "right", "down"];
 const MOVES = { ArrowUp: [1, 0], ArrowDown: [-1, 0], ArrowRight: [0, 1], ArrowLeft: [0, -1] };
+const KEYS = [
+  ...["beacon_m", "beacons", "arrangement", "beacon_scale", "mounting_error_m"].map((it) => `platform.${it}`),
+  "acoustics.slot_order", "receiver.beacon_offset_m",
+]; // that change with the beacons
 const centimetres = (x) => Math.round(x * 100) / 100;
 
 export class BeaconEditor {
@@ -20,10 +24,8 @@ export class BeaconEditor {
     this.picture = shape("svg", { viewBox: `0 0 ${SIZE} ${SIZE}`, role: "group", "aria-label": "Beacons from above, forward is up" });
     $("beacons-picture").append(this.picture);
     $("add-beacon").addEventListener("click", () => this.add());
-    $("reset-beacons").addEventListener("click", () => {
-      for (const key of ["beacon_m", "beacons", "arrangement", "arm_length_m", "beacon_depth_m", "beacon_scale"])
-        page.changes.reset(`platform.${key}`);
-      this.tell(null);
+    $("reset-beacons").addEventListener("click", async () => {
+      this.tell(await page.changes.reset(...KEYS.filter((it) => page.changes.keys.has(it))));
       page.changed();
     });
     this.show();
@@ -32,11 +34,9 @@ export class BeaconEditor {
   get arms() { return this.page.explorer.arms.map((it) => [...it]); }
 
   // Try beacons at other places; refused ones leave those that were.
-  place(arms) {
-    const problem = this.page.explorer.setArms(arms.map((it) => it.map(centimetres)));
-    this.tell(problem);
-    if (!problem) this.page.changed();
-    return !problem;
+  async place(arms) {
+    this.tell(await this.page.explorer.setArms(arms.map((it) => it.map(centimetres))));
+    this.page.changed();
   }
 
   tell(problem) {
@@ -56,8 +56,8 @@ export class BeaconEditor {
   }
 
   take(i) {
-    this.place(this.arms.filter((_, k) => k !== i));
     $("add-beacon").focus();
+    return this.place(this.arms.filter((_, k) => k !== i));
   }
 
   show() {
@@ -75,7 +75,7 @@ export class BeaconEditor {
     $("add-beacon").disabled = !this.counts.includes(count + 1);
     put($("beacons-note"), `${count} beacons; this page can have ${this.counts.join(", ")}.`);
     const { changes } = this.page;
-    $("reset-beacons").hidden = !["platform.beacon_m", "platform.beacons", "platform.arrangement"].some((it) => changes.has(it));
+    $("reset-beacons").hidden = !KEYS.some((it) => changes.has(it));
   }
 
   at([x, y]) { return [SIZE / 2 + this.scale * y, SIZE / 2 - this.scale * x]; }
@@ -183,5 +183,3 @@ export class BeaconEditor {
     return button;
   }
 }
-
-export { LEAST, MOST };

@@ -2,7 +2,7 @@
 // equipment, on the same dives; with their 95 % intervals.
 
 import { $, element } from "./dom.js";
-import { share } from "./words.js";
+import { share } from "./phrases.js";
 
 const LEAST = 0.01, MOST = 8;
 

@@ -6,7 +6,7 @@
 // `page` has `explorer`, `changes` and `changed()`. `stops` are the values of the slider.
 
 import { element, put } from "./dom.js";
-import { label as labelled, typed } from "./words.js";
+import { label as labelled, typed } from "./phrases.js";
 
 let count = 0;
 
@@ -69,16 +69,16 @@ export class Field {
     return slider;
   }
 
-  choose(value) {
-    this.tell(this.page.changes.choose(this.path, value));
-    if (this.problem.hidden) this.page.changed();
+  async choose(value) { return this.done(await this.page.changes.choose(this.path, value)); }
+
+  async reset() {
+    this.control.focus();
+    return this.done(await this.page.changes.reset(this.path));
   }
 
-  reset() {
-    const { changes } = this.page;
-    this.tell(this.key.sets ? changes.chooseGrade(this.path, "") : changes.reset(this.path));
-    if (this.problem.hidden) this.page.changed();
-    this.control.focus();
+  done(problem) {
+    this.tell(problem);
+    this.page.changed();
   }
 
   // Refuse what was typed, and say why; it stays to be corrected.

@@ -6,7 +6,7 @@
 // has bars, the others outlines.
 
 import { decimal, line, roundStep, ticks, write } from "../../web/js/pen.js";
-import { length } from "./words.js";
+import { length } from "./phrases.js";
 
 const MARGINS = { left: 12, right: 12, top: 24, bottom: 34 };
 

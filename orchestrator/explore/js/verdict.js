@@ -1,7 +1,7 @@
 // What is said first: how far off, what to buy first, whether the claim holds, and other receivers.
 
 import { $, element, put, swatch } from "./dom.js";
-import { length, share } from "./words.js";
+import { length, share } from "./phrases.js";
 
 /** From `explorer.dives`: while the runs are done, and when they are. */
 export function showVerdict({ done, n, receivers }, styles, main) {
