@@ -54,7 +54,7 @@ def render(played: Playback) -> str:
     css = _environment().from_string(source("replay.css")).render(
         themes={name: colours(look) for name, look in THEMES.items()}
     )
-    script = f"\n{bundled('replay')}\n"
+    script = f"\n{bundled('web/js/replay')}\n"
     return _environment().from_string(source("replay.html.jinja")).render(
         played=played, content=told, data=data, css=css, script=script,
         hashes={"script": _hash(script), "style": _hash(css)},
