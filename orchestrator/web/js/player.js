@@ -62,7 +62,8 @@ const KEYS = {
 };
 
 // Let keys of the whole page move a player, but not those that a focused control needs itself.
-export function listen(document, player, step) {
+// `steps()` gives { small, large } [s].
+export function listen(document, player, steps) {
   document.addEventListener("keydown", (event) => {
     const act = KEYS[event.key];
     if (!act || event.ctrlKey || event.altKey || event.metaKey || event.shiftKey) return;
@@ -72,6 +73,6 @@ export function listen(document, player, step) {
     const scrolls = ["ArrowUp", "ArrowDown", "PageUp", "PageDown"].includes(event.key);
     if (scrolls && !slider) return;
     event.preventDefault();
-    act(player, step);
+    act(player, steps());
   });
 }
