@@ -52,7 +52,7 @@ def render(played: Playback) -> str:
     # A script of data ends at the first tag that looks like its end.
     data = json.dumps(told, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c")
     css = style("replay.css")
-    script = f"\n{bundled('replay')}\n"
+    script = f"\n{bundled('web/js/replay')}\n"
     return environment().get_template("replay.html.jinja").render(
         played=played, content=told, data=data, css=css, script=script,
         hashes={"script": hash_of(script), "style": hash_of(css)},

@@ -191,15 +191,14 @@ class Page {
 const seedsOf = (first, count) => `${first} to ${first + count - 1}`;
 
 // Chromium lets a page in a file start workers only from a text.
-function makeWorker() {
-  const text = new Blob([$("worker").textContent], { type: "text/javascript" });
-  return new Worker(URL.createObjectURL(text));
-}
+const makeWorker = (script) => () =>
+  new Worker(URL.createObjectURL(new Blob([script], { type: "text/javascript" })));
 
 async function start() {
   if (typeof WebAssembly === "undefined") throw new Error("this browser has no WebAssembly");
   if (typeof DecompressionStream === "undefined") throw new Error("this browser has no DecompressionStream");
-  const explorer = await Explorer.open(JSON.parse($("contents").textContent), makeWorker);
+  const contents = JSON.parse($("contents").textContent);
+  const explorer = await Explorer.open(contents, makeWorker(contents.worker));
   const changes = new Changes(explorer), settings = Explorer.settingsOf(location.hash);
   const problem = settings ? await explorer.apply(settings) : null;
   changes.refresh();
