@@ -12,9 +12,9 @@ from importlib import resources
 from posixpath import dirname, join, normpath
 
 _IMPORT = re.compile(
-    r'^import \{\s*(\w+(?:,\s*\w+)*,?)\s*\} from "(\.{1,2}/[\w/.]+)\.js";\n', re.MULTILINE
+    r'^import \{\s*([\w$]+(?:,\s*[\w$]+)*,?)\s*\} from "(\.{1,2}/[\w/.]+)\.js";\n', re.MULTILINE
 )
-_EXPORT = re.compile(r"^export (?=(?:async function|function|class|const) (\w+))", re.MULTILINE)
+_EXPORT = re.compile(r"^export (?=(?:async function|function|class|const) ([\w$]+))", re.MULTILINE)
 _OTHER = re.compile(r"^(?:import|export)\b.*", re.MULTILINE)
 
 

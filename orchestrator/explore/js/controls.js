@@ -18,8 +18,8 @@ const GPS = {
 };
 const CLOCKS = { crystal: "Crystal", tcxo: "TCXO", ocxo: "OCXO", csac: "Atomic (CSAC)" };
 const SEAS = {
-  0: "0, calm", 1: "1, light air", 2: "2, light breeze", 3: "3, gentle breeze", 4: "4, moderate breeze",
-  5: "5, fresh breeze", 6: "6, strong breeze",
+  0: "0, calm", 1: "1, light air", 2: "2, light", 3: "3, gentle", 4: "4, moderate", 5: "5, fresh",
+  6: "6, strong",
 };
 
 const GROUPS = [

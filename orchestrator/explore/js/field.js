@@ -6,7 +6,7 @@
 // `page` has `explorer`, `changes` and `changed()`. `stops` are the values of the slider.
 
 import { element, put } from "./dom.js";
-import { label as labelled, typed } from "./phrases.js";
+import { labelled, typed } from "./phrases.js";
 
 let count = 0;
 
@@ -53,7 +53,7 @@ export class Field {
     const { key } = this, list = element("select");
     const choices = key.choices ?? Object.keys(key.sets);
     list.append(
-      ...(key.sets || key.optional || key.default === null ? [new Option(key.sets ? "own numbers" : "–", "")] : []),
+      ...(key.sets || key.optional || key.default === null ? [new Option(key.sets ? "as in the file" : "–", "")] : []),
       ...choices.map((it) => new Option(names[it] ?? (this.isPlain ? String(it) : labelled(it)), it)));
     list.addEventListener("change", () => this.choose(list.value));
     return list;

@@ -145,7 +145,6 @@ export class PathEditor {
   tell(problem) {
     $("path-problem").hidden = !problem;
     put($("path-problem"), problem ?? "");
-    if (problem) $("path-details").open = true;
   }
 
   show() {

@@ -20,7 +20,7 @@ export function typed(value) {
 }
 
 // A word of a scenario file as a label: rtk_fixed is "RTK fixed".
-export function label(name) {
+export function labelled(name) {
   const words = String(name).replaceAll("_", " ");
   const capital = words.replace(/\b(rtk|sbas|tcxo|ocxo|csac|ekf|gps|imu)\b/g, (it) => it.toUpperCase());
   return capital[0].toUpperCase() + capital.slice(1);

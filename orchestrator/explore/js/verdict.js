@@ -1,6 +1,7 @@
 // What is said first: how far off, what to buy first, whether the claim holds, and other receivers.
 
 import { $, element, put, swatch } from "./dom.js";
+import { decimal } from "../../web/js/pen.js";
 import { length, share } from "./phrases.js";
 
 /** From `explorer.dives`: while the runs are done, and when they are. */
@@ -8,20 +9,30 @@ export function showVerdict({ done, n, receivers }, styles, main) {
   const own = receivers[main];
   put($("within"), length(own.p95));
   put($("half"), length(own.p50));
+  $("whose").replaceChildren(swatch(styles[main]), main);
   put($("so-far"), done < n ? `${whole(done)} of ${whole(n)} dives` : `${whole(n)} dives`);
   $("progress").hidden = done >= n;
   Object.assign($("progress"), { value: done, max: n });
-  put($("lost"), own.lost > 0 ? `lost in ${share(own.lost, own.lost < 0.095 ? 1 : 0)} of them` : "");
-  showClaim(own);
+  put($("lost"), own.lost ? `, lost in ${whole(own.lost)}` : "");
+  showClaim(own, main);
   showOthers(receivers, styles, main);
 }
 
 const whole = (n) => n.toLocaleString("en").replaceAll(",", " ");
 
-function showClaim(own) {
-  put($("holds"), own.holds.short);
-  $("holds").dataset.verdict = own.holds.kind;
-  put($("claim"), own.holds.words);
+// The verdicts of `orchestrator/judge/consistency.py`, in short and in a sentence.
+const CLAIMS = {
+  "in band": ["holds", "holds", () => "as large as the true one"],
+  pessimistic: ["holds", "holds", (times) => `on the safe side, ${times} times as large as the true one`],
+  optimistic: ["fails", "too small", (times) => `too small: the true one is ${times} times as large`],
+};
+
+function showClaim({ claim: { verdict, factor } }, main) {
+  const [kind, short, words] = CLAIMS[verdict] ?? ["unknown", "not known yet", null];
+  const times = decimal(verdict === "pessimistic" ? 1 / factor : factor, 2);
+  put($("holds"), short);
+  $("holds").dataset.verdict = kind;
+  put($("claim"), words ? `The error that ${main} claims is ${words(times)}.` : "");
 }
 
 function showOthers(receivers, styles, main) {
