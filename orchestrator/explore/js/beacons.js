@@ -24,8 +24,8 @@ export class BeaconEditor {
     this.picture = shape("svg", { viewBox: `0 0 ${SIZE} ${SIZE}`, role: "group", "aria-label": "Beacons from above, forward is up" });
     $("beacons-picture").append(this.picture);
     $("add-beacon").addEventListener("click", () => this.add());
-    $("reset-beacons").addEventListener("click", async () => {
-      this.tell(await page.changes.reset(...KEYS.filter((it) => page.changes.keys.has(it))));
+    $("reset-beacons").addEventListener("click", () => {
+      this.tell(page.changes.reset(...KEYS.filter((it) => page.changes.keys.has(it))));
       page.changed();
     });
     this.show();
@@ -35,7 +35,8 @@ export class BeaconEditor {
 
   // Try beacons at other places; refused ones leave those that were.
   async place(arms) {
-    this.tell(await this.page.explorer.setArms(arms.map((it) => it.map(centimetres))));
+    await this.page.explorer.loaded; // the modules of other numbers of beacons
+    this.tell(this.page.explorer.setArms(arms.map((it) => it.map(centimetres))));
     this.page.changed();
   }
 

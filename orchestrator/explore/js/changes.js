@@ -21,12 +21,12 @@ export class Changes {
 
   has(path) { return this.set.has(path); }
 
-  async choose(path, value) {
+  choose(path, value) {
     if (value === "") return this.keys.get(path).sets ? this.reset(path) : this.explorer.unset(path);
     return this.explorer.set(path, value);
   }
 
-  async reset(...paths) {
+  reset(...paths) {
     const all = new Set(paths.flatMap((path) => [path, ...this.setBy(path)]));
     return this.explorer.apply({
       given: Object.fromEntries([...all].map((path) => [path, this.first.get(path) ?? null])),

@@ -69,11 +69,11 @@ export class Field {
     return slider;
   }
 
-  async choose(value) { return this.done(await this.page.changes.choose(this.path, value)); }
+  choose(value) { this.done(this.page.changes.choose(this.path, value)); }
 
-  async reset() {
+  reset() {
     this.control.focus();
-    return this.done(await this.page.changes.reset(this.path));
+    this.done(this.page.changes.reset(this.path));
   }
 
   done(problem) {

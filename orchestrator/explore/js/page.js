@@ -40,8 +40,8 @@ class Page {
   }
 
   bind() {
-    $("reset-all").addEventListener("click", async () => {
-      await this.explorer.reset();
+    $("reset-all").addEventListener("click", () => {
+      this.explorer.reset();
       for (const field of [...this.fields, ...this.list.fields.values()]) field.tell(null);
       this.changed();
     });
@@ -57,8 +57,8 @@ class Page {
     addEventListener("hashchange", () => this.follow());
   }
 
-  async seed(value) {
-    const problem = await this.explorer.setSeed(Number(value));
+  seed(value) {
+    const problem = this.explorer.setSeed(Number(value));
     put($("seed-problem"), problem ?? "");
     $("seed-problem").hidden = !problem;
     this.changed();
@@ -68,8 +68,9 @@ class Page {
   async follow() {
     const settings = Explorer.settingsOf(location.hash);
     if (!settings) return;
-    await this.explorer.reset();
-    const problem = await this.explorer.apply(settings);
+    await this.explorer.loaded;
+    this.explorer.reset();
+    const problem = this.explorer.apply(settings);
     if (problem) this.report(`The link has settings that do not fit this page: ${problem}`);
     this.changed();
   }
@@ -95,15 +96,13 @@ class Page {
   changed() {
     if (this.waiting) return;
     this.waiting = true;
-    requestAnimationFrame(async () => {
+    requestAnimationFrame(() => {
       this.waiting = false;
-      const state = ++this.state;
+      this.state++;
       this.changes.refresh();
       this.show();
       if (this.water.on) this.water.clear();
-      const run = await this.explorer.dive();
-      if (!run || state !== this.state) return;
-      this.stage.replace(run);
+      this.stage.replace(this.explorer.dive());
       this.showLegend();
       clearTimeout(this.timer);
       this.timer = setTimeout(() => this.compute(), PAUSE);
@@ -200,9 +199,10 @@ async function start() {
   const contents = JSON.parse($("contents").textContent);
   const explorer = await Explorer.open(contents, makeWorker(contents.worker));
   const changes = new Changes(explorer), settings = Explorer.settingsOf(location.hash);
-  const problem = settings ? await explorer.apply(settings) : null;
+  if (settings) await explorer.loaded;
+  const problem = settings ? explorer.apply(settings) : null;
   changes.refresh();
-  window.page = new Page(explorer, changes, await explorer.dive());
+  window.page = new Page(explorer, changes, explorer.dive());
   if (problem) window.page.report(`The link has settings that do not fit this page: ${problem}`);
   document.body.classList.add("ready");
 }

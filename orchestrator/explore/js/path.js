@@ -5,6 +5,7 @@
 // Points are north, east and depth in metres, rounded to centimetres.
 
 import { $, put, shape } from "./dom.js";
+import { readPath } from "./trackfile.js";
 import { decimal } from "../../web/js/pen.js";
 
 const NEAR = 9; // pixels between points of a line that is drawn
@@ -86,11 +87,11 @@ export class PathEditor {
     $("draw").disabled = places.length < 2;
   }
 
-  async finish() {
+  finish() {
     const { view } = this.page.stage, depth = this.depth();
     if (depth === null) return;
     const places = simplified(this.strokes.flat().map((it) => view.under(...it)), this.most);
-    if (places.length > 1) await this.use(places.map(([n, e]) => [n, e, depth]));
+    if (places.length > 1) this.use(places.map(([n, e]) => [n, e, depth]));
     this.end();
   }
 
@@ -122,23 +123,31 @@ export class PathEditor {
   async open(file) {
     if (!file) return;
     try {
-      const { points, words } = this.page.readPath(await file.text(), file.name, this.depth() ?? 5);
-      await this.use(simplified(points, this.most), `${file.name}: ${words}`);
+      const { points, words } = readPath(
+        await file.text(), file.name, { origin: this.origin, depth: this.depth() ?? undefined });
+      const kept = simplified(points, this.most);
+      this.use(kept, `${file.name}: ${kept.length} of ${words}`);
     } catch (error) {
       this.tell(`${file.name}: ${error.message}`);
     }
   }
 
-  async use(points, words = null) {
+  get origin() {
+    const [latitude, longitude] = ["latitude_deg", "longitude_deg"].map(
+      (key) => this.page.explorer.given.get(`place.${key}`));
+    return latitude === undefined || longitude === undefined ? null : { latitude, longitude };
+  }
+
+  use(points, words = null) {
     if (!points) return;
-    this.tell(await this.page.explorer.setPath(points.map((it) => it.map(rounded))));
+    this.tell(this.page.explorer.setPath(points.map((it) => it.map(rounded))));
     put($("path-words"), words ?? "");
     this.page.changed();
   }
 
-  async reset() {
+  reset() {
     const { changes } = this.page;
-    this.tell(await changes.reset(...changes.all.filter((it) => it.startsWith("target."))));
+    this.tell(changes.reset(...changes.all.filter((it) => it.startsWith("target."))));
     this.page.changed();
   }
 

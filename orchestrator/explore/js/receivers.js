@@ -23,10 +23,10 @@ export class ReceiverChoice {
       ...[...this.boxes].map(([name, box]) => element("label", { class: "beside" }, box, `beside it: ${name}`)));
   }
 
-  async choose() {
+  choose() {
     const main = this.main.value;
     const beside = [...this.boxes].filter(([name, box]) => box.checked && name !== main).map(([name]) => name);
-    const problem = await this.page.explorer.setReceivers([main, ...beside]);
+    const problem = this.page.explorer.setReceivers([main, ...beside]);
     $("receivers-problem").hidden = !problem;
     put($("receivers-problem"), problem ?? "");
     this.page.changed();
