@@ -45,7 +45,7 @@ import { Engine, Pool } from "../../wasm/engine.js";
 import { problemsOf, problemsOfTimes } from "./checks.js";
 import { beaconsOf, filled } from "./filling.js";
 import { nanoseconds, textOf } from "./numbers.js";
-import { assembled, stopOf } from "./plans.js";
+import { assembled, countOf, stopOf } from "./plans.js";
 import { runOf } from "./record.js";
 import { Settings } from "./start_values.js";
 import { PERCENTAGES, summaryOf } from "./statistics.js";
@@ -53,6 +53,7 @@ import { Refusal, fileOf, valueOf } from "./values.js";
 
 const CORE = ["target", "platform", "acoustics"], RAW = "raw", FIX = "multilateration";
 const PATH = "path", WAYPOINTS = "waypoints";
+const MOST_INSTANTS = 100_000; // whose record fits into memory
 const PART = 32; // dives that a worker does before it shows them
 
 // Bytes of a module, from its text.
@@ -261,7 +262,7 @@ export class Explorer {
     const state = { given, values, beacons, starts, chosen, told, seed, problems: [] };
     try {
       state.times = this.#timesOf(state, seed);
-      state.problems = problemsOfTimes(state, system, this.#valuesOf(state));
+      state.problems = problemsOfTimes(...this.#ticksOf(state, system));
     } catch (error) {
       if (!(error instanceof Refusal)) throw error;
       return { problems: [{ path: error.path ?? "time.duration_s", message: error.message }] };
@@ -320,7 +321,22 @@ export class Explorer {
     if (duration < common)
       throw refusal("time.duration_s", "system: the run must be at least as long as the least common " +
         `multiple of all communication intervals, ${textOf(common)}, got ${textOf(duration)}`);
-    return { interval, stop: stopOf(all, duration).stop };
+    const { stop } = stopOf(all, duration), instants = countOf(all, stop);
+    if (instants > MOST_INSTANTS)
+      throw refusal("time.duration_s", `[time] duration_s: a run in a page must have at most ` +
+        `${MOST_INSTANTS.toLocaleString("en")} communication instants, got ` +
+        `${instants.toLocaleString("en")}; make it shorter or the sampling time longer`);
+    return { interval, stop };
+  }
+
+  // Parts, communication intervals and ticks [ns] by label.
+  #ticksOf(state, { parts }) {
+    const valuesOf = this.#valuesOf(state);
+    const own = [...CORE.map((name) => ({ label: name, type: name })), ...state.chosen]
+      .map((it) => ({ ...it, ...parts[it.type] }));
+    const ticks = Object.fromEntries(own.map(({ label, type, tick, parameters, start }) =>
+      [label, nanoseconds(valuesOf(label, type).get(tick)?.[0] ?? start[parameters[tick][0]])]));
+    return [own, state.times.interval, ticks];
   }
 
   // The time until the end of the path [ns], as the target itself says.

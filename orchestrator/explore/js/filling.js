@@ -56,6 +56,12 @@ export function beaconsOf(data, given) {
     ?? (points ? Math.floor(points.length / 3) : data.rules.beacons);
 }
 
+// Time between updates of the receiver [s].
+export function updateInterval(of, has) {
+  if (has("receiver.update_interval_s")) return of("receiver.update_interval_s");
+  return Math.floor(of("time.sampling_time_s") * 1e9 + 0.5) * of("time.ekf_ratio") / 1e9;
+}
+
 // --- Water and slots -----------------------------------------------------------------------------
 
 const WATER = ["temperature_C", "salinity", "sample_depth_m", "profile_depth_m",
@@ -69,11 +75,17 @@ export function isUnknownWater(data, given) {
     String(given.get(`acoustics.${key}`)) !== String(data.rules.water.given[`acoustics.${key}`]));
 }
 
+// Speeds at the depths of the profile [m/s], or null.
+export function profileSpeeds(data, given) {
+  const own = (key) => given.get(`acoustics.${key}`);
+  if (own("profile_speed_m_s")?.length) return own("profile_speed_m_s");
+  const measured = own("profile_temperature_C") && !isUnknownWater(data, given);
+  return measured ? data.rules.water.profile : null;
+}
+
 function waterOf(data, given) {
   const own = (key) => given.get(`acoustics.${key}`);
-  const depths = own("profile_depth_m");
-  const speeds = own("profile_speed_m_s")
-    ?? (own("profile_temperature_C") && !isUnknownWater(data, given) ? data.rules.water.profile : null);
+  const depths = own("profile_depth_m"), speeds = profileSpeeds(data, given);
   if (depths?.length && speeds?.length === depths.length)
     return {
       profile_count: depths.length, profile_depth_m: depths, profile_speed_m_s: speeds,

@@ -128,8 +128,7 @@ function truthOf(parts, number, beacons) {
 
 // All communication instants [ns]: the multiples of all intervals.
 function instantsOf(intervals, stop) {
-  const different = [...new Set(intervals)];
-  const needed = different.filter((it) => !different.some((by) => by !== it && it % by === 0n));
+  const needed = different(intervals);
   if (needed.length === 1) {
     const count = Number(stop / needed[0]) + 1, found = new BigInt64Array(count);
     for (let i = 0; i < count; i++) found[i] = BigInt(i) * needed[0];
@@ -164,6 +163,17 @@ function remembered(parts, longest, instants, base, lags) {
   const lag = BigInt(Math.ceil(Math.min(Math.max(0, ...lags) * 1e9, Number(span))));
   const count = Number((behind + lag) / base + 2n);
   return Math.min(count, instants.length);
+}
+
+// Number of communication instants, at most.
+export function countOf(intervals, stop) {
+  return different(intervals).reduce((sum, it) => sum + Number(stop / it), 1);
+}
+
+// Intervals without those that are multiples of another one.
+function different(intervals) {
+  const all = [...new Set(intervals)];
+  return all.filter((it) => !all.some((by) => by !== it && it % by === 0n));
 }
 
 // Stop of a run [ns]: the last common multiple of all intervals, and that multiple.

@@ -130,7 +130,8 @@ function either(names) {
 }
 
 export function short(text, most = LONGEST) {
-  return text.length <= most ? text : `${text.slice(0, most - 1)}…`;
+  const end = Math.floor(most / 3);
+  return text.length <= most ? text : `${text.slice(0, most - end - 3)}...${text.slice(-end)}`;
 }
 
 function toml(value) {
