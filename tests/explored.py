@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 from sblcosim.explore.declarations import declarations
+from sblcosim.scenario.schema import toml
 
 NODE = shutil.which("node")
 SCRIPT = Path(__file__).parents[1] / "orchestrator" / "explore" / "js" / "explorer.js"
@@ -42,10 +43,15 @@ def values(text: str, like: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
 def plain(message: str, name: str) -> list[str]:
     """Lines of a refusal, without where the key was given."""
     lines = (re.sub(r"^override (\w+)\.(\w+)", r"[\1] \2", it) for it in message.splitlines())
-    return sorted({it.removeprefix(f"{name}: ") for it in lines})
+    return sorted({re.sub(rf"^{name}(\.toml)?: ", "", it) for it in lines})
 
 
 KEYS = [it for it in declarations() if it["table"] != "place" and it["key"] != "type"]
+
+
+def as_typed(given: Mapping[str, Any]) -> dict[str, str]:
+    """Values as people type them."""
+    return {path: toml(value) for path, value in given.items()}
 
 
 def drawn(numbers: random.Random, count: int, keys: Sequence[Mapping[str, Any]] = KEYS

@@ -54,7 +54,7 @@ def _declared(name: str, table: type[Table], key: str, schema: Mapping[str, Any]
     if key in _TIMES:
         found["time"] = True
     if variable is not None:
-        found["own"] = True
+        found["parameter"] = variable.name
         numbers = {(str(it).lower() if isinstance(it, bool) else it): value for it, value in names_of(variable).items()}
         found["numbers"] = {**numbers, **(variable.named or {})}
         found["needs"] = [

@@ -380,7 +380,7 @@ class Time(Table):
     """Table ``[time]``."""
 
     sampling_time_s: Annotated[
-        float, Field(ge=_TICK.min, le=_TICK.max), AfterValidator(settled)
+        float, Field(ge=_TICK.min, le=_TICK.max, allow_inf_nan=False), AfterValidator(settled)
     ] = Field(
         default=float(_TICK.starts[0]),
         description="The paper's T: time between samples of all sensors and between pings (one "
@@ -409,13 +409,13 @@ class Time(Table):
 class Place(Table):
     """Table ``[place]``."""
 
-    latitude_deg: Annotated[float, Field(ge=-90.0, le=90.0)] | None = Field(
+    latitude_deg: Annotated[float, Field(ge=-90.0, le=90.0, allow_inf_nan=False)] | None = Field(
         default=None, description="Latitude of the origin of north, east and down, on WGS 84"
     )
-    longitude_deg: Annotated[float, Field(ge=-180.0, le=180.0)] | None = Field(
+    longitude_deg: Annotated[float, Field(ge=-180.0, le=180.0, allow_inf_nan=False)] | None = Field(
         default=None, description="Longitude of the origin"
     )
-    height_m: Annotated[float, Field(ge=-1e4, le=1e4)] = Field(
+    height_m: Annotated[float, Field(ge=-1e4, le=1e4, allow_inf_nan=False)] = Field(
         default=0.0, description="Height of the water surface above the ellipsoid"
     )
 

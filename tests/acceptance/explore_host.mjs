@@ -2,18 +2,27 @@
 // A job has settings (see Explorer.apply), and what is asked: `record`, `dives` (their number), and so on.
 import { readFileSync, writeFileSync } from "node:fs";
 import { pathToFileURL } from "node:url";
+import { Worker } from "node:worker_threads";
 
 const [script, contents, jobs, to] = process.argv.slice(2);
 const { Explorer } = await import(pathToFileURL(script));
 const read = (file) => JSON.parse(readFileSync(file, "utf8"));
 const textOf = (array) =>
   Buffer.from(array.buffer, array.byteOffset, array.byteLength).toString("base64");
-const explorer = await Explorer.open(read(contents));
-await explorer.loaded;
+const engine = new URL("../../wasm/engine.js", pathToFileURL(script));
+const worker = () => new Worker(
+  `import("${engine}").then(({ serve }) => serve(require("node:worker_threads").parentPort))`,
+  { eval: true });
+const explorers = {
+  here: await Explorer.open(read(contents)),
+  workers: await Explorer.open(read(contents), worker, 2),
+};
+for (const it of Object.values(explorers)) await it.loaded;
 
-async function answered({ settings = {}, ask = [], steps = [], dives = 0, causes = 0 }) {
+async function answered({ settings, link, ask = [], steps = [], dives = 0, causes = 0, by = "here" }) {
+  const explorer = explorers[by];
   explorer.reset();
-  const refused = explorer.apply(settings);
+  const refused = explorer.apply(link ? Explorer.settingsOf(link) : settings ?? {});
   const found = { refused, steps: steps.map(([name, ...rest]) => explorer[name](...rest)) };
   if (refused !== null) return found;
   for (const name of ask) {
@@ -33,3 +42,4 @@ for (const job of read(jobs)) answers.push(await answered(job));
 writeFileSync(to, JSON.stringify(answers, (_, it) =>
   it instanceof Map ? Object.fromEntries(it) : it instanceof Float64Array ? [...it]
     : it === Infinity ? "inf" : it));
+process.exit(0); // workers wait for more

@@ -238,8 +238,8 @@ function* idle({ data, of, given, receivers }) {
   const keys = data.rules.receiver_keys, fix = "multilateration";
   const names = [...new Set([of("receiver.type"), ...receivers, fix])].sort();
   const known = new Set(names.flatMap((name) => keys[name]));
-  for (const { table, key, path, own } of data.keys)
-    if (table === "receiver" && own && given.has(path) && !known.has(key)) {
+  for (const { table, key, path, parameter } of data.keys)
+    if (table === "receiver" && parameter && given.has(path) && !known.has(key)) {
       const have = Object.keys(keys).filter((name) => keys[name].includes(key));
       yield about(path, `must be a key of a receiver of this run (${names.join(", ")}), got one of ` +
         have.join(", "));

@@ -141,7 +141,7 @@ export class Explorer {
     return this.#commit(new Map(this.#loaded), this.#loadedReceivers, this.#data.seed);
   }
 
-  apply({ given = {}, seed, receivers }) {
+  apply({ given = {}, seed, receivers } = {}) {
     return this.#change(new Map(Object.entries(given)), receivers, seed);
   }
 
@@ -294,6 +294,7 @@ export class Explorer {
           return names && !choices ? part.named[parameter]?.[it] ?? NaN : numbers[it];
         });
         if (!numbers.some(Number.isNaN)) found.set(parameter, numbers.slice(0, size));
+        else if (path === undefined) throw unknown(this.#data.keys, part, parameter);
         if (parameter === "seed" && !this.#given_(path)) found.set(parameter, [own]);
       }
       if (told && part.parameters.prior_velocity) found.set("prior_velocity", [0, 0, 0]);
@@ -484,6 +485,14 @@ export class Explorer {
 
 function refusal(path, message) {
   return Object.assign(new Refusal(message), { path });
+}
+
+// Echoes along a path of points: their mean excess is not part of the settings module.
+function unknown(keys, part, parameter) {
+  const key = keys.find((it) => it.table === "receiver" && it.parameter === parameter)?.key ?? parameter;
+  return refusal("acoustics.surface_echo_probability", "[acoustics] surface_echo_probability and " +
+    "bottom_echo_probability: must be 0 in a page for a path of points, unless [receiver] " +
+    `${key} is given`);
 }
 
 const toMillimetres = (length) => Math.round(length * 1000) / 1000;

@@ -51,7 +51,12 @@ export function nanoseconds(seconds) {
   return seconds < 0 ? -found : found;
 }
 
-export const seconds = (time) => Number(time) / 1e9;
+// The number of seconds that is nearest to a whole number of nanoseconds.
+export function seconds(time) {
+  const size = time < 0n ? -time : time;
+  const found = Number(`${size / SECOND}.${String(size % SECOND).padStart(9, "0")}`);
+  return time < 0n ? -found : found;
+}
 
 // Distance from a number to the next larger one.
 function step(value) {

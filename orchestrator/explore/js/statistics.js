@@ -7,7 +7,7 @@ export const PERCENTAGES = [5, 15, 25, 35, 45, 55, 65, 75, 85, 95];
 const LENGTH = 1, LENGTHS = 4; // the total error; see LENGTHS of lanes_driver.py
 const BEYOND_M = 1, MISLEADING_NEES = 15, MISLEADING_S = 20;
 const DEGREES = 3, TAIL = 0.001, MEDIAN = 2.3659738843753377, MANY_LOST = 0.05;
-const BIN = 0.01, MOST_BINS = 2000, NOTHING = -30, AROUND = 1, BARS = 40;
+const BIN = 0.01, MOST_BINS = 2000, NOTHING = -30, BARS = 40;
 
 /**
  * Summary of the runs of a receiver.
@@ -56,9 +56,6 @@ export function percentile(lengths, share) {
   const known = logs.flat().filter(Number.isFinite);
   let span = [NOTHING, NOTHING];
   if (known.length) span = [known.reduce((a, b) => Math.min(a, b)), known.reduce((a, b) => Math.max(a, b))];
-  const middle = inBins(logs, span, share);
-  if (Number.isFinite(middle))
-    span = [Math.max(span[0], middle - AROUND), Math.min(span[1], middle + AROUND)];
   return Math.exp(inBins(logs, span, share));
 }
 

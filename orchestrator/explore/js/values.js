@@ -29,7 +29,8 @@ function raw(given) {
 }
 
 function read(key, text) {
-  if (key.kind === "vector" || key.kind === "matrix") return readArray(text) ?? text;
+  const isArray = key.kind === "vector" || key.kind === "matrix";
+  if (text.startsWith("[") || (isArray && text.includes(","))) return readArray(text) ?? text;
   if (text === "true" || text === "false") return text === "true";
   if (INTEGER.test(text) || NUMBER.test(text)) return readNumber(text);
   const quoted = /^"([^"\\]*)"$|^'([^']*)'$/.exec(text);
@@ -40,7 +41,7 @@ function read(key, text) {
 function readArray(text) {
   const words = (text.startsWith("[") ? text : `[${text}]`)
     .replace(/[^[\],\s]+/g, (word) => JSON.stringify(word)).replace(/,\s*\]/g, "]");
-  const each = (it) => Array.isArray(it) ? it.map(each)
+  const each = (it) => Array.isArray(it) ? it.map(each) : it[0] === '"' ? it.slice(1, -1)
     : INTEGER.test(it) || NUMBER.test(it) ? readNumber(it) : it;
   try {
     return each(JSON.parse(words));
@@ -116,7 +117,8 @@ function elements(key, given) {
   }
   return flat.map((it, i) => {
     const row = Math.floor(i / columns) + 1;
-    return number(key, it, columns > 1 ? `[${row},${i % columns + 1}]` : `[${row}]`, key.whole);
+    const element = columns > 1 ? `[${row},${i % columns + 1}]` : `[${row}]`;
+    return number(key, it, key.parameter ? element : "", key.whole);
   });
 }
 

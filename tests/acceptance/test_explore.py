@@ -1,0 +1,311 @@
+"""The explorer has the numbers and the words of the command line."""
+
+from __future__ import annotations
+
+import random
+import warnings
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import sblcosim
+from explored import KEYS, NODE, answers, as_typed, drawn, plain, values
+from quick import few
+from sblcosim.comparison.many.run import run_many
+from sblcosim.errors import SblcosimError
+from sblcosim.explore.contents import contents
+from sblcosim.fmus.build import compiler
+from sblcosim.prepare.scenario import of_scenario
+from sblcosim.scenario.scenario import Scenario, load
+from sblcosim.web.playback import of_record
+
+pytestmark = [
+    pytest.mark.skipif(compiler.zig() is None, reason="needs ziglang"),
+    pytest.mark.skipif(NODE is None, reason="needs node"),
+    pytest.mark.filterwarnings("ignore"),
+]
+NAME = "realistic-dive"
+CHOICES = (("coupled", "ekf"), ("ekf",), ("coupled",), ("multilateration", "coupled"))
+UNUSUAL = ("acoustics.temperature_C", "acoustics.profile_temperature_C")
+"""Keys that a page refuses, though the command line takes them."""
+LONG = ("sampling_time_s", "interval_s", "duration_s", "ekf_ratio")
+
+
+@pytest.fixture(scope="module")
+def told() -> Mapping[str, Any]:
+    return contents(load(NAME), lanes=(2,))
+
+
+def settings(numbers: random.Random, count: int, without: tuple[str, ...] = ()) -> dict[str, Any]:
+    """Some keys at random, for the number of beacons that the page has."""
+    keys = [
+        it for it in KEYS
+        if it["path"] not in UNUSUAL and it["key"] not in (*without, "beacons", "beacon_m")
+    ]
+    return drawn(numbers, count, keys)
+
+
+def in_python(given: Mapping[str, Any], receivers: tuple[str, ...]) -> Scenario | str:
+    """The scenario with these keys, or why it is refused."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            found = load(NAME, given.items())
+            of_scenario(found, receivers)
+        except SblcosimError as error:
+            return str(error)
+    return found
+
+
+# --- The same numbers ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("count", few([25, 300], quick=[25]))
+def test_settings_at_random_give_the_record_of_the_command_line(
+    told: Mapping[str, Any], count: int, tmp_path: Path
+) -> None:
+    """The downloaded scenario file, run in Python, gives the record of the page to the last bit."""
+    numbers, jobs = random.Random(count), []
+    while len(jobs) < count:
+        given, receivers = settings(numbers, 5, LONG), numbers.choice(CHOICES)
+        given["time.duration_s"] = numbers.choice([20.0, 45.0])
+        if numbers.random() < 0.3:
+            given["time.ekf_ratio"] = numbers.choice([2, 5])
+        if numbers.random() < 0.3:
+            given["time.sampling_time_s"] = numbers.choice([0.1, 0.25, 0.7])
+        if isinstance(in_python(given, receivers), Scenario):
+            jobs.append({
+                "settings": {
+                    "given": given, "seed": numbers.randrange(2**31), "receivers": receivers,
+                },
+                "ask": ["toml", "record"],
+            })  # fmt: skip
+    compared = 0
+    for job, answer in zip(jobs, answers(told, jobs, tmp_path), strict=True):
+        if answer["refused"] is not None:  # the only thing that a page cannot compute
+            assert "echo_probability" in answer["refused"], job
+            continue
+        file = tmp_path / "scenario.toml"
+        file.write_text(answer["toml"])
+        compared += same_record(answer["record"], file, job["settings"]["receivers"])
+    assert compared > 0.8 * count
+
+
+def same_record(found: Mapping[str, str], file: Path, receivers: tuple[str, ...]) -> bool:
+    run = sblcosim.run(file, receivers)
+    assert found.keys() == run.record.values.keys()
+    for name, expected in run.record.values.items():
+        np.testing.assert_array_equal(values(found[name], expected), expected, err_msg=name)
+    return True
+
+
+def test_many_dives_have_the_numbers_of_many_runs(
+    told: Mapping[str, Any], tmp_path: Path
+) -> None:
+    runs, receivers = 40, ("coupled", "ekf")
+    job = {"settings": {"seed": 11, "receivers": receivers}, "dives": runs}
+    here, workers = answers(told, [job, {**job, "by": "workers"}], tmp_path)
+    assert here == workers
+    many = run_many(load(NAME, {"seed": 11}), receivers, runs=runs)
+    table = many.runs.table
+    for name in receivers:
+        found, row = here["dives"]["receivers"][name], many.runs.level(NAME, name)
+        np.testing.assert_array_equal(
+            found["each"]["rms"], table[f"{name}.absolute_total_rms_m"].to_numpy())
+        np.testing.assert_array_equal(
+            found["each"]["p95"], table[f"{name}.absolute_total_p95_m"].to_numpy())
+        assert found["p95"] == pytest.approx(many.within_m[name], rel=1e-9)
+        assert found["rms"] == pytest.approx(row["rms_over_runs"], rel=1e-12)
+        assert [found["lost"], found["misleading"]] == [row["lost"], row["misleading"]]
+        assert found["lostInterval"] == pytest.approx([row["lost_low"], row["lost_high"]], abs=1e-9)
+        assert found["claim"]["verdict"] == row["covariance"]
+        assert found["claim"]["factor"] == pytest.approx(row["covariance_factor"], rel=1e-9)
+        assert sum(found["histogram"]["shares"]) + found["histogram"]["beyond"] == pytest.approx(1)
+
+
+def test_a_dive_is_drawn_as_its_replay(told: Mapping[str, Any], tmp_path: Path) -> None:
+    changes = {"time.duration_s": 60.0, "time.ekf_ratio": 4}
+    job = {"settings": {"given": changes, "receivers": ["coupled"]}, "ask": ["dive"]}
+    (answer,) = answers(told, [job], tmp_path)
+    result = sblcosim.run(load(NAME, changes), "coupled")
+    played = of_record(result.record, result.judged, title="", run="", verdict=[])
+    found = answer["dive"]
+    np.testing.assert_array_equal(found["time"], played.time_ns / 1e9)
+    assert [found["start"], found["stop"]] == [0.0, played.stop_ns / 1e9]
+    assert found["arms"] == played.has_arms
+    assert played.diver is not None
+    assert played.beacons is not None
+    np.testing.assert_array_equal(axes(found["diver"]), played.diver)
+    np.testing.assert_array_equal(
+        np.stack([axes(it) for it in found["beacons"]], axis=1), played.beacons)
+    for mine, theirs in zip(found["receivers"], played.receivers, strict=True):
+        assert [mine["label"], mine["fix"]] == [theirs.label, theirs.is_fix]
+        for name in ("epoch", "since", "until"):
+            np.testing.assert_array_equal(mine[name], getattr(theirs, f"{name}_ns") / 1e9)
+        np.testing.assert_array_equal(axes(mine["position"]), theirs.position)
+        assert theirs.truth is not None
+        assert theirs.factor is not None
+        np.testing.assert_array_equal(axes(mine["truth"]), theirs.truth)
+        rows, columns = (0, 1, 1, 2, 2, 2), (0, 0, 1, 0, 1, 2)
+        np.testing.assert_array_equal(
+            np.array(mine["factor"], float).T, theirs.factor[:, rows, columns])
+
+
+def axes(track: Mapping[str, Any]) -> np.ndarray[Any, Any]:
+    return np.array([track[axis] for axis in "xyz"], float).T
+
+
+# --- The same words ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("count", few([150, 3000], quick=[150]))
+def test_what_contradicts_is_refused_in_the_same_words(
+    told: Mapping[str, Any], count: int, tmp_path: Path
+) -> None:
+    numbers = random.Random(count)
+    jobs = [
+        {"given": settings(numbers, numbers.randint(1, 6)), "receivers": numbers.choice(CHOICES)}
+        for _ in range(count)
+    ]
+    typed = [{"settings": {**it, "given": as_typed(it["given"])}} for it in jobs]
+    refused = 0
+    for job, answer in zip(jobs, answers(told, typed, tmp_path), strict=True):
+        python = in_python(job["given"], job["receivers"])
+        if answer["refused"] is not None and any(
+            it in answer["refused"] for it in ("in a page", "echo_probability")
+        ):
+            continue
+        if isinstance(python, Scenario):
+            assert answer["refused"] is None, job
+        elif "must have an effect" in python:  # a file may have it
+            continue
+        else:
+            assert answer["refused"] is not None, (python, job)
+            assert plain(answer["refused"], NAME) == plain(python, NAME)
+            refused += 1
+    assert refused > 0.2 * count
+
+
+NONSENSE = ("abc", "-1e6", "1e30", "nan", "inf", "2.5", "true", "[1, 2]", '["a"]', "7", "-3")
+
+
+def test_nonsense_is_refused_in_the_same_words(told: Mapping[str, Any], tmp_path: Path) -> None:
+    """Every key, whatever is typed; only what is suggested may be left out."""
+    cases = [
+        (it["path"], text) for it in KEYS for text in NONSENSE
+        if it["path"] not in UNUSUAL and it["key"] != "beacons"
+    ]
+    jobs = [{"settings": {"given": {path: text}, "receivers": ["coupled"]}}
+            for path, text in cases]
+    refused = 0
+    for (path, text), answer in zip(cases, answers(told, jobs, tmp_path), strict=True):
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                load(NAME, [f"{path}={text}"])
+            continue
+        except SblcosimError as error:
+            expected = str(error)
+        if "must have an effect" in expected:
+            continue
+        assert answer["refused"] is not None, (path, text, expected)
+        assert plain(answer["refused"], NAME) == plain(
+            expected.partition("; did you mean")[0], NAME), path
+        refused += 1
+    assert refused > 1000
+
+
+# --- Settings ------------------------------------------------------------------------------------
+
+
+def test_links_carry_the_settings(told: Mapping[str, Any], tmp_path: Path) -> None:
+    given = {"platform.gps_grade": "rtk_fixed", "target.speed_m_s": 0.7}
+    job = {
+        "settings": {"given": given, "seed": 5, "receivers": ["ekf", "raw"]},
+        "ask": ["link", "toml", "changed", "command"],
+    }
+    (first,) = answers(told, [job], tmp_path)
+    assert "gps_grade" in first["link"]
+    assert first["command"] == (
+        f"sblcosim run {NAME}.toml --receiver ekf --receiver multilateration"
+    )
+    again = {"link": first["link"], "ask": ["toml", "link"]}
+    (second,) = answers(told, [again], tmp_path)
+    assert [second["toml"], second["link"]] == [first["toml"], first["link"]]
+    assert {*given} <= {*first["changed"]}
+
+
+def steps(told: Mapping[str, Any], folder: Path, *each: Any, ask: Any = ()) -> dict[str, Any]:
+    (answer,) = answers(told, [{"steps": each, "ask": ask}], folder)
+    return answer
+
+
+def test_a_preset_takes_the_place_of_its_keys(told: Mapping[str, Any], tmp_path: Path) -> None:
+    path = "platform.gps_horizontal_markov_std_m"
+    answer = steps(
+        told, tmp_path, ["set", "platform.gps_grade", "rtk_fixed"], ["value", path], ["unset",
+        "platform.gps_grade"], ["value", path], ["reset"], ["value", path], ask=["changed"],
+    )  # fmt: skip
+    rtk = load(NAME, {"platform.gps_grade": "rtk_fixed"})
+    default = load(NAME, {path: None})
+    assert answer["steps"] == [
+        None, rtk.platform.gps_horizontal_markov_std_m,
+        None, default.platform.gps_horizontal_markov_std_m, None, 1.2,
+    ]
+    assert answer["changed"] == []
+
+
+def test_keys_that_depend_on_each_other_are_set_one_after_the_other(
+    told: Mapping[str, Any], tmp_path: Path
+) -> None:
+    answer = steps(
+        told, tmp_path, ["set", "acoustics.profile_depth_m", "0, 10"], ["problems"],
+        ["value", "acoustics.profile_depth_m"], ["unset", "acoustics.sound_speed_m_s"],
+        ["set", "acoustics.profile_speed_m_s", "1500, 1490"], ["problems"],
+        ["value", "acoustics.sound_speed_m_s"],
+    )  # fmt: skip
+    first, problems, unchanged, _, last, none, speed = answer["steps"]
+    assert "must come with profile_speed_m_s" in first
+    assert problems == [{"path": "acoustics.profile_depth_m", "message": first}]
+    assert [unchanged, last, none] == [[], None, []]
+    assert speed == load(NAME, {
+        "acoustics.profile_depth_m": [0.0, 10.0], "acoustics.profile_speed_m_s": [1500.0, 1490.0],
+    }).acoustics.sound_speed_m_s  # fmt: skip
+
+
+def test_arms_and_paths_are_keys_of_the_file(told: Mapping[str, Any], tmp_path: Path) -> None:
+    arms = [[2.0, 0.00049, 0.5], [0.0, 2.5, 0.5], [-2.0, 0.0, 0.25], [0.0, -3.0, 1.0]]
+    path = [[0.0, 5.0, 1.0], [10.12345, 5.0, 2.0]]
+    answer = steps(
+        told, tmp_path, ["setArms", arms], ["setPath", path, 0.5], ["setArms", arms[:2]],
+        ask=["toml", "arms", "pathPoints"],
+    )  # fmt: skip
+    *done, refused = answer["steps"]
+    assert done == [None, None]
+    assert "must be an array of 3 to 8 rows of 3 numbers" in refused
+    (tmp_path / "s.toml").write_text(answer["toml"])
+    read = load(tmp_path / "s.toml")
+    rounded = [[2.0, 0.0, 0.5], *arms[1:]]
+    assert np.reshape(read.platform.beacon_m, (-1, 3)).tolist() == rounded == answer["arms"]
+    assert np.reshape(read.target.waypoint_m, (-1, 3)).tolist() == [path[0], [10.123, 5.0, 2.0]]
+    assert answer["pathPoints"] == [path[0], [10.123, 5.0, 2.0]]
+    assert read.target.speed_m_s == 0.5
+
+
+def all_shipped() -> Iterator[str]:
+    from sblcosim.scenario.scenario import shipped
+
+    yield from (it for it in shipped() if it not in ("realistic-sea",))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [*all_shipped()])
+def test_every_scenario_can_be_explored(name: str, tmp_path: Path) -> None:
+    """Its own receiver, the record and the file."""
+    scenario = load(name, {"time.duration_s": 30.0})
+    job = {"ask": ["toml", "record"]}
+    (answer,) = answers(contents(scenario, lanes=(2,)), [job], tmp_path)
+    (tmp_path / "s.toml").write_text(answer["toml"])
+    assert same_record(answer["record"], tmp_path / "s.toml", ())
