@@ -22,7 +22,7 @@ const PAUSE = 80; // ms without a change before many dives start
 class Page {
   constructor(explorer, changes, run) {
     Object.assign(this, { explorer, changes, state: 0, summary: null });
-    this.stage = new Stage(run, { title: explorer.title, kind: "total", onTime: () => {} });
+    this.stage = new Stage(run, { title: explorer.title, kind: "total", keys: $("dive") });
     this.fields = makeControls(this);
     this.receivers = new ReceiverChoice(this);
     this.beacons = new BeaconEditor(this);
@@ -102,6 +102,8 @@ class Page {
       this.changes.refresh();
       this.show();
       if (this.water.on) this.water.clear();
+      put($("so-far"), "…"); // what is shown beside it is of other settings, for a moment
+      document.body.classList.add("computing");
       this.stage.replace(this.explorer.dive());
       this.showLegend();
       clearTimeout(this.timer);

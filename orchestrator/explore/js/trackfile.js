@@ -31,17 +31,19 @@ function projected(points, { latitude, longitude }) {
     [along * radians * (north - latitude), across * radians * turn(east - longitude), depth]);
 }
 
+// Only points, with their attributes and elevations: that needs no parser of XML.
 function readGpx(text, depth) {
-  const page = new DOMParser().parseFromString(text, "application/xml");
-  if (page.querySelector("parsererror")) throw new Error("must be XML, as GPX files are");
-  const all = (tag) => [...page.getElementsByTagName(tag)];
-  const places = [all("trkpt"), all("rtept"), all("wpt")].find((it) => it.length) ?? [];
-  const number = (value, what, i) => finite(value, `point ${i + 1}: ${what}`);
+  if (!/<\/(\w+:)?gpx\s*>\s*$/.test(text)) throw new Error("must be a whole GPX file, which ends in </gpx>");
+  const shown = text.replace(/<!--[^]*?-->/g, "");
+  const all = (tag) => [...shown.matchAll(
+    new RegExp(`<(?:\\w+:)?${tag}\\b([^>]*?)(?:/>|>([^]*?)</(?:\\w+:)?${tag}\\s*>)`, "g"))];
+  const places = ["trkpt", "rtept", "wpt"].map(all).find((it) => it.length) ?? [];
   return {
-    points: places.map((it, i) => {
-      const height = it.getElementsByTagName("ele")[0]?.textContent;
-      return [number(it.getAttribute("lat"), "lat", i), number(it.getAttribute("lon"), "lon", i),
-        height === undefined ? depth : -number(height, "ele", i)];
+    points: places.map(([, attributes, inner = ""], i) => {
+      const number = (found, what) => finite(found?.[1], `point ${i + 1}: ${what}`);
+      const attribute = (name) => number(new RegExp(`\\b${name}\\s*=\\s*["']([^"']*)["']`).exec(attributes), name);
+      const height = /<(?:\w+:)?ele\s*>([^<]*)</.exec(inner);
+      return [attribute("lat"), attribute("lon"), height ? -number(height, "ele") : depth];
     }),
   };
 }

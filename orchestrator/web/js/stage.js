@@ -1,6 +1,7 @@
 // One run on a page: its map, its errors, and the player with its controls.
 //
-//   new Stage(run, { title, kind, onTime })     takes the elements of the page by their ids
+//   new Stage(run, { title, kind, onTime, keys })     takes the elements of the page by their ids;
+//                                               keys: where the player's keys work
 //   .replace(run)                               another run, at the same time and in the same view
 //   .remeasure()                                after `.state.kind` or `.state.shown` have changed
 //   .view, .player, .state                      see view.js, player.js, map.js and errors.js
@@ -22,8 +23,8 @@ import { clock, metres } from "./words.js";
 const $ = (id) => document.getElementById(id);
 
 export class Stage {
-  constructor(run, { title, kind, onTime = () => {} }) {
-    Object.assign(this, { title, onTime });
+  constructor(run, { title, kind, onTime = () => {}, keys = document }) {
+    Object.assign(this, { title, onTime, keys });
     this.look = lookOf(document.body);
     this.view = new View();
     this.state = { kind, time: run.stop, shown: run.receivers.map(() => true) };
@@ -71,7 +72,7 @@ export class Stage {
     $("play").addEventListener("click", () => player.toggle());
     $("speed").replaceChildren(...SPEEDS.map((speed) => new Option(`${speed}×`, speed)));
     $("speed").addEventListener("change", () => { player.speed = Number($("speed").value); });
-    listen(document, player, () => ({ small: Math.max(this.span / 400, 0.1), large: this.span / 20 }));
+    listen(this.keys, player, () => ({ small: Math.max(this.span / 400, 0.1), large: this.span / 20 }));
     this.moved = attach($("map"), view, () => this.drawMap());
     $("space").addEventListener("click", () => this.turnTo(view.isPlan));
     $("nearer").addEventListener("click", () => { view.magnify(1.5); this.moved(); });
