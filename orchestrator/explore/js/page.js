@@ -17,6 +17,7 @@ import { Changes } from "./changes.js";
 import { showBuy, showVerdict, tell } from "./verdict.js";
 import { Water } from "./water.js";
 
+const RETRIES = 2;
 const PAUSE = 80; // ms without a change before many dives start
 
 class Page {
@@ -133,7 +134,7 @@ class Page {
 
   // --- Many dives -----------------------------------------------------------------------------------
 
-  async compute() {
+  async compute(again = RETRIES) {
     const state = this.state, { explorer } = this;
     const [main] = explorer.receivers;
     document.body.classList.add("computing");
@@ -150,7 +151,9 @@ class Page {
       tell(summary.receivers[main].p95, main);
       document.body.classList.remove("computing");
     } catch (error) {
-      this.report(`The dives could not be computed: ${error.message}`);
+      if (state !== this.state) return;
+      if (again) await this.compute(again - 1); // a worker may end, when memory is short
+      else this.report(`The dives could not be computed: ${error.message}`);
     }
   }
 
