@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.declaration import UNITS, Variable
 from sblcosim.models.settings.keys import start_of
 from sblcosim.models.settings.names import names_of
@@ -58,11 +59,19 @@ def _declared(name: str, table: type[Table], key: str, schema: Mapping[str, Any]
         numbers = {(str(it).lower() if isinstance(it, bool) else it): value for it, value in names_of(variable).items()}
         found["numbers"] = {**numbers, **(variable.named or {})}
         found["needs"] = [
-            [[it.parameter, [*it.values]] for it in group] for group in variable.needs
+            [[_key(name, key, it.parameter), [*it.values]] for it in group]
+            for group in variable.needs
         ]
     if key in DECLARED:
         found["sets"] = {str(value): preset(key, value) for value in DECLARED[key].values}
     return found
+
+
+def _key(table: str, key: str, parameter: str) -> str:
+    """Key of another parameter of a component that has this key."""
+    component = next(it for name, it in COMPONENTS.items() if key in {v.key for v in it} and (
+        name == table or (table == "receiver" and name in RECEIVERS)))
+    return component[parameter].key
 
 
 def _form(schema: Mapping[str, Any]) -> dict[str, Any]:

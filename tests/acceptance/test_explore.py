@@ -13,6 +13,7 @@ import pytest
 import sblcosim
 from explored import KEYS, NODE, answers, as_typed, drawn, plain, values
 from quick import few
+from sblcosim.comparison.budget import sources
 from sblcosim.comparison.many.run import run_many
 from sblcosim.errors import SblcosimError
 from sblcosim.explore.contents import contents
@@ -215,6 +216,77 @@ def test_nonsense_is_refused_in_the_same_words(told: Mapping[str, Any], tmp_path
             expected.partition("; did you mean")[0], NAME), path
         refused += 1
     assert refused > 1000
+
+
+# --- What limits ---------------------------------------------------------------------------------
+
+
+def test_switches_are_those_of_a_budget(told: Mapping[str, Any], tmp_path: Path) -> None:
+    """The keys that each switch changes, for settings at random."""
+    numbers, jobs = random.Random(7), []
+    while len(jobs) < 60:
+        given = settings(numbers, 4)
+        if isinstance(in_python(given, ("coupled",)), Scenario):
+            jobs.append({"settings": {"given": given}, "ask": ["switches"]})
+    compared = 0
+    for job, answer in zip(jobs, answers(told, jobs, tmp_path), strict=True):
+        if answer["refused"] is not None:
+            continue
+        scenario = load(NAME, job["settings"]["given"].items())
+        names = sources.of_scenario(scenario)
+        assert [it["name"] for it in answer["switches"]] == [*names]
+        for it in answer["switches"]:
+            same_changes(it["off"], sources.switched(scenario, [it["name"]]))
+            better = sources.switched(scenario, [it["name"]], better=True)
+            same_changes((it["better"] or {}).get("changes", {}), better)
+        compared += len(names)
+    assert compared > 300
+
+
+def same_changes(found: Mapping[str, Any], expected: Mapping[str, Any]) -> None:
+    assert found.keys() == expected.keys()
+    for key, value in expected.items():
+        if value is None:
+            assert found[key] is None
+        else:
+            np.testing.assert_allclose(found[key], np.ravel(value).reshape(np.shape(found[key])),
+                                       rtol=1e-14)
+
+
+def test_causes_are_of_the_same_dives(told: Mapping[str, Any], tmp_path: Path) -> None:
+    """What goes away is that of the percentiles of the command line; intervals hold it."""
+    runs = 64
+    job = {"settings": {"receivers": ["ekf"]}, "causes": runs}
+    here, workers = answers(told, [job, {**job, "by": "workers"}], tmp_path)
+    found = here["causes"]
+    assert found == workers["causes"]
+    assert [found["done"], found["receiver"]] == [runs, "ekf"]
+    shares = [it["share"] for it in found["causes"]]
+    assert shares == sorted(shares, reverse=True)
+    for it in found["causes"]:
+        low, high = it["interval"]
+        assert low <= it["share"] + 0.02
+        assert high >= it["share"] - 0.02
+        if it["better"]:
+            assert it["better"]["gain"] <= it["share"] + 0.1
+    clear = {it["name"]: it["better"]["gain"] for it in found["causes"]
+             if it["better"] and it["better"]["clear"]}
+    assert found["first"] == max(clear, key=clear.__getitem__)
+    without = sources.switched(load(NAME), [found["causes"][0]["name"]])
+    within = [run_many(load(NAME, own.items()), "ekf", runs=runs).within_m["ekf"]
+              for own in ({}, without)]
+    assert found["within"] == pytest.approx(within[0], rel=0.02)
+    assert shares[0] == pytest.approx(1 - within[1] / within[0], abs=0.03)
+
+
+def test_water_is_better_near_the_beacons(told: Mapping[str, Any], tmp_path: Path) -> None:
+    grid = {"north": [0.0, 60.0], "east": [0.0, 60.0], "size": 60.0, "depth": 5.0}
+    job = {"settings": {"receivers": ["ekf"]}, "water": grid}
+    here, workers = answers(told, [job, {**job, "by": "workers"}], tmp_path)
+    assert here == workers
+    near, *_, far = here["water"]["values"]
+    assert 0 < near < far
+    assert [here["water"]["n"], here["water"]["done"], here["water"]["depth"]] == [4, 4, 5.0]
 
 
 # --- Settings ------------------------------------------------------------------------------------

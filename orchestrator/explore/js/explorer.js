@@ -35,18 +35,24 @@
 //   dive(seed)                 one dive as web/js/data.js's readRun gives it; default: seed
 //   dives(count, onPart)       async; { n, done, receivers: { label: { runs, p50, p95, rms, lost,
 //                              failed, misleading, misleadingKnown, claim, histogram, each } } }
-//   causes(onPart, count)      async; { n, done, receiver, whole, causes: [{ name, words, share,
-//                              interval, better }], first }
+//   causes(onPart, count)      async, of the first receiver; { n, done, receiver, within [m], causes:
+//                              [{ name, words, share, interval, better }] by share, first }: what
+//                              goes away of the 95 % error without a cause; better: { words, gain,
+//                              interval, clear } of better equipment, or null; first: the name of the
+//                              cause whose better equipment gains most, clear of chance, or null
 //   possible()                 null: not part of a page
-//   water(grid, onPart)        async; 95 % error by place, see `water.js`
+//   water(grid, onPart)        async, of the first receiver; 95 % error by place:
+//                              { north, east, size, depth, values, n, done }
 //   cancel()                   stop what workers do
 
 import { Engine, Pool } from "../../wasm/engine.js";
 import { problemsOf, problemsOfTimes } from "./checks.js";
 import { beaconsOf, filled } from "./filling.js";
 import { nanoseconds, textOf } from "./numbers.js";
+import { FEW_DRAWS, isClear, sharesOf, switchesOf } from "./limits.js";
+import { SETTLING, RUNS, circling, lengthsOf, withinOf } from "./places.js";
 import { assembled, countOf, stopOf } from "./plans.js";
-import { runOf } from "./record.js";
+import { isDrawn, runOf } from "./record.js";
 import { Settings } from "./start_values.js";
 import { PERCENTAGES, summaryOf } from "./statistics.js";
 import { Refusal, fileOf, valueOf } from "./values.js";
@@ -54,6 +60,7 @@ import { Refusal, fileOf, valueOf } from "./values.js";
 const CORE = ["target", "platform", "acoustics"], RAW = "raw", FIX = "multilateration";
 const PATH = "path", WAYPOINTS = "waypoints";
 const MOST_INSTANTS = 100_000; // whose record fits into memory
+const ALL = "as it is", OFF = "without ", BETTER = "better ", CAUSES = 128, TOTAL = 1;
 const PART = 32; // dives that a worker does before it shows them
 
 // Bytes of a module, from its text.
@@ -236,7 +243,6 @@ export class Explorer {
     this.#receivers = receivers;
     this.#seed = seed;
     this.#state = found;
-    this.cancel();
     return [];
   }
 
@@ -345,9 +351,10 @@ export class Explorer {
     const system = { ...this.#data.systems[state.beacons], beacons: state.beacons };
     const plan = assembled({
       system, chosen: [], valuesOf: this.#valuesOf(state, seed),
-      times: { interval: { target: interval }, stop: 0n }, seeded: [],
+      times: { interval: { target: interval }, stop: 0n }, seeded: [], record: () => true,
     });
-    const [duration] = this.#engines.get(state.beacons).record(plan, seed)["target.path_duration"];
+    const engine = this.#engines.get(state.beacons);
+    const [duration] = engine.record(plan, seed)["target.path_duration"];
     if (duration > 0 && duration < Infinity) return nanoseconds(duration);
     if (state.values.get("target.speed_m_s") === 0 && state.values.get("target.trajectory") !== "white_noise_acceleration")
       throw refusal("target.speed_m_s", "[target] speed_m_s: must be more than 0 for a run until the end of the " +
@@ -357,11 +364,11 @@ export class Explorer {
   }
 
   // The plan of a state; record: for one dive.
-  #plan(state, { record = false, seed = state.seed } = {}) {
+  #plan(state, { record = () => false, seed = state.seed, settling = 0n } = {}) {
     const times = seed === state.seed ? state.times : this.#timesOf(state, seed);
     return assembled({
       system: { ...this.#data.systems[state.beacons], beacons: state.beacons },
-      chosen: state.chosen, valuesOf: this.#valuesOf(state, seed), times, record,
+      chosen: state.chosen, valuesOf: this.#valuesOf(state, seed), times, record, settling,
       seeded: [...CORE, ...state.chosen.map(({ label }) => label)].filter(
         (it) => !state.given.has(`${it}.seed`)),
       told: state.told, lag: this.#data.rules.lag,
@@ -400,13 +407,13 @@ export class Explorer {
   // --- Results ------------------------------------------------------------------------------------
 
   /** The record of a dive: by name, the values of all outputs at all instants. */
-  record(seed = this.#seed) {
-    const plan = this.#plan(this.#state, { record: true, seed });
+  record(seed = this.#seed, outputs = () => true) {
+    const plan = this.#plan(this.#state, { record: outputs, seed });
     return { plan, values: this.#engines.get(this.#state.beacons).record(plan, seed) };
   }
 
   dive(seed = this.#seed) {
-    const { plan, values } = this.record(seed), { beacons, times } = this.#state;
+    const { plan, values } = this.record(seed, isDrawn), { beacons, times } = this.#state;
     return runOf({
       record: values, instants: plan.instants, interval: times.interval.target, beacons,
       looks: this.#looks, arms: this.#hasArms(values["platform.beacon_position"], beacons),
@@ -479,10 +486,127 @@ export class Explorer {
     return this.#pools.get(beacons);
   }
 
+  /** What causes switch: [{ name, words, off, better }]. */
+  get switches() { return switchesOf({ ...this.#data, byPath: this.byPath }, this.#state); }
+
+  /** What limits the first receiver; see the head of this file. */
+  async causes(onPart = () => {}, count = CAUSES) {
+    const state = this.#state, label = state.chosen[0].label;
+    const { switches } = this;
+    const variants = { [ALL]: {} };
+    for (const { name, off, better } of switches) {
+      variants[`${OFF}${name}`] = off;
+      if (better) variants[`${BETTER}${name}`] = better.changes;
+    }
+    const plans = {};
+    for (const [name, changes] of Object.entries(variants)) {
+      await new Promise((done) => setTimeout(done));
+      if (state !== this.#state) return null;
+      const own = this.#variant(state, changes, state.chosen.slice(0, 1));
+      if (own) plans[name] = this.#plan(own);
+    }
+    const lengths = Object.fromEntries(Object.keys(plans).map((name) => [name, []]));
+    const { lengths: kinds } = this.#engines.get(state.beacons);
+    for (let first = 0; first < count; first += PART) {
+      const seeds = Array.from({ length: Math.min(PART, count - first) }, (_, i) => state.seed + first + i);
+      const found = await Promise.all(Object.entries(plans).map(async ([name, plan]) =>
+        [name, await this.#part(state, name, plan, seeds, first === 0)]));
+      if (state !== this.#state || found.some(([, it]) => it === null)) return null;
+      for (const [name, { order }] of found)
+        for (let run = 0; run < seeds.length; run++)
+          lengths[name].push(lengthsOf(order[label], run, TOTAL, kinds.length));
+      const done = first + seeds.length, isLast = done === count;
+      const result = this.#limits(switches, lengths, label, state.seed, isLast ? undefined : FEW_DRAWS);
+      if (isLast) return { n: count, done, ...result };
+      onPart({ n: count, done, ...result });
+    }
+    return null;
+  }
+
+  #limits(switches, { [ALL]: whole, ...others }, receiver, seed, draws) {
+    const { within, shares } = sharesOf(whole, others, seed, draws);
+    const several = switches.filter(({ better }) => better).length;
+    const causes = switches.flatMap(({ name, words, better }) => {
+      const off = shares[`${OFF}${name}`], own = better && shares[`${BETTER}${name}`];
+      if (!off || !Number.isFinite(off.share)) return [];
+      return [{
+        name, words, share: off.share, interval: off.interval,
+        better: own && Number.isFinite(own.share) ? {
+          words: better.words, gain: own.share, interval: own.interval, clear: isClear(own, several),
+        } : null,
+      }];
+    }).sort((a, b) => b.share - a.share);
+    const [first] = causes.filter((it) => it.better?.clear).sort((a, b) => b.better.gain - a.better.gain);
+    return { receiver, within, causes, first: first?.name ?? null };
+  }
+
+  // A state with other keys; null if they contradict each other.
+  #variant(state, changes, chosen = state.chosen) {
+    const given = this.#overridden(new Map(Object.entries(changes)));
+    const found = this.#made(given, chosen.map(({ type }) => type), state.seed);
+    return found.problems.length ? null : { ...found, chosen };
+  }
+
+  // Results of a few seeds, of a worker or here; null if the state no longer holds.
+  async #part(state, name, plan, seeds, isNew) {
+    const pool = await this.#pool(state.beacons), engine = this.#engines.get(state.beacons);
+    if (state !== this.#state) return null;
+    if (pool) {
+      if (isNew) pool.add(name, plan);
+      return pool.run(name, seeds, PERCENTAGES, PART);
+    }
+    await new Promise((done) => setTimeout(done));
+    return state === this.#state ? engine.run(plan, seeds, PERCENTAGES) : null;
+  }
+
+  /**
+   * 95 % error of the first receiver by place, as of `sblcosim map`.
+   *
+   * grid: { north, east, size, depth } [m]; returns { ...grid, values (row by row of north), n, done }.
+   */
+  async water(grid, onPart = () => {}) {
+    const state = this.#state, [{ label }] = state.chosen, { north, east, depth } = grid;
+    const circle = this.#variant(state, circling(state, depth), state.chosen.slice(0, 1));
+    if (!circle) return null;
+    const places = north.flatMap((n) => east.map((e) => [n, e])), cells = places.map(() => []);
+    const { lengths } = this.#engines.get(state.beacons);
+    const result = (done) => ({
+      ...grid, n: places.length, done, values: withinOf(cells, north.length, east.length),
+    });
+    const pool = await this.#pool(state.beacons), width = pool ? 2 * pool.workers.length : 1;
+    const order = shuffled(places.length);
+    for (let first = 0; first < order.length; first += width) {
+      const found = await Promise.all(order.slice(first, first + width).map(async (cell, slot) => {
+        const plan = this.#plan(circle, { settling: SETTLING });
+        plan.set("target.center", places[cell]);
+        plan.set("target.heading", [2 * Math.PI * ((cell * 0.618034) % 1)]);
+        const seeds = Array.from({ length: RUNS }, (_, i) => state.seed + i * places.length + cell);
+        return [cell, await this.#part(state, `water ${slot}`, plan, seeds, true)];
+      }));
+      if (state !== this.#state || found.some(([, it]) => it === null)) return null;
+      for (const [cell, { order: of }] of found)
+        for (let run = 0; run < RUNS; run++)
+          cells[cell].push(...lengthsOf(of[label], run, TOTAL, lengths.length));
+      if (first + width < order.length && first % (4 * width) === 0) onPart(result(first + width));
+    }
+    return result(places.length);
+  }
+
   possible() { return null; }
 
-  cancel() {}
+  /** Stop: results of what runs now are never delivered. */
+  cancel() { if (this.#state) this.#state = { ...this.#state }; }
 }
+
+// Numbers below n in an order that covers all of them evenly.
+function shuffled(n) {
+  const step = [7, 11, 13, 17, 19, 23].find((it) => n % it) ?? 1;
+  const size = Math.max(Math.round(n * 0.382 / step) * step + 1, 1);
+  const prime = Array.from({ length: n }, (_, i) => size + i).find((it) => coprime(it, n)) ?? 1;
+  return Array.from({ length: n }, (_, i) => (i * prime) % n);
+}
+
+const coprime = (a, b) => (b ? coprime(b, a % b) : a === 1);
 
 function refusal(path, message) {
   return Object.assign(new Refusal(message), { path });

@@ -36,10 +36,10 @@ class Content {
  * times: `interval` of each component [ns], by label, and `stop` [ns], a multiple of all of them.
  * seeded: labels of the components that get the seed of a run; told: whether receivers are told the
  * true start; settling: errors count from this time after the start [ns]; record: whether a record
- * holds all outputs; lag: name of the parameter with the largest additional age of estimates.
+ * holds an output, by its name; lag: name of the parameter with the largest additional age of estimates.
  */
 export function assembled({
-  system, chosen, valuesOf, times, seeded, told = false, settling = 0n, record = true, lag = "",
+  system, chosen, valuesOf, times, seeded, told = false, settling = 0n, record = () => false, lag = "",
 }) {
   const labels = [...CORE.map((name) => ({ label: name, type: name })), ...chosen]
     .filter(({ label }) => label in times.interval);
@@ -51,8 +51,9 @@ export function assembled({
   const links = parts.flatMap((it, to) => it.inputs.filter(([source]) => number.has(source)).map(
     ([source, , from, element, size]) => [number.get(source), from, to, element, size]));
   const handovers = told ? handed(parts, number) : [];
-  const columns = record ? parts.flatMap((it) => it.outputs.map(
-    ([name, first, shape, type]) => ({ label: it.label, name, first, shape, type }))) : [];
+  const columns = parts.flatMap((it) => it.outputs.map(
+    ([name, first, shape, type]) => ({ label: it.label, name, first, shape, type })))
+    .filter((it) => record(`${it.label}.${it.name}`));
   const spans = columns.map(({ label, first, shape }) => [number.get(label), first, sizeOf(shape)]);
   const intervals = parts.map(({ label }) => times.interval[label]);
   const instants = instantsOf(intervals, times.stop);

@@ -6,6 +6,10 @@ const SECOND = 1_000_000_000n, MOST_SECONDS = 9.2e9;
 const NEVER = -(2n ** 63n);
 const POSITION = [0, 2, 4]; // of the state (x, vx, y, vy, z, vz)
 
+const DRAWN = /^(target\.(position|velocity)|platform\.(reported_)?beacon_position|[^.]+\.(valid|update_count|epoch|position|covariance|position_std))$/;
+/** Whether a Run needs an output. */
+export const isDrawn = (name) => DRAWN.test(name);
+
 /**
  * The Run of a record.
  *
