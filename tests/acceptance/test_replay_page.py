@@ -203,8 +203,8 @@ def test_the_map_shows_all_where_it_is(
     asked = json.dumps({key: value.tolist() for key, value in points.items()})
     found = browsing(page, link=f"t={time_ns / 1e9}&view={view}").run(f"""
       const {{ view, run, state, look }} = replay;
-      const pen = new modules.pen.SvgPen(view.width, view.height);
-      modules.map.drawMap(pen, view, run, state, look);
+      const pen = new modules.web_pen.SvgPen(view.width, view.height);
+      modules.web_map.drawMap(pen, view, run, state, look);
       const places = Object.entries({asked}).map(
         ([name, points]) => [name, points.map((p) => view.project(...p))]);
       return {{ svg: pen.toString(), places: Object.fromEntries(places) }};

@@ -64,16 +64,10 @@ export function makeControls(page) {
 }
 
 // Whether a key has an effect: at least one condition of each group must hold.
-export function hasEffect(page, key) {
-  return (key.needs ?? []).every((group) => group.some(([parameter, values]) => {
-    const other = page.explorer.keys.find((it) => it.table === key.table && isOf(it, parameter));
-    if (!other) return true;
-    const value = page.explorer.value(other.path), number = other.numbers?.[value] ?? Number(value);
-    if (values.length) return values.includes(number);
-    return Array.isArray(value) ? value.some(Boolean) : number !== 0;
+export function hasEffect({ explorer, changes }, key) {
+  return (key.needs ?? []).every((group) => group.some(([other, wanted]) => {
+    const path = `${key.table}.${other}`, numbers = [explorer.value(path)].flat().map(
+      (it) => typeof it === "number" ? it : changes.keys.get(path)?.numbers?.[it]);
+    return wanted.length ? wanted.includes(numbers[0]) : numbers.some((it) => it !== 0);
   }));
 }
-
-// Keys end in their unit, parameters of components do not.
-const isOf = ({ key }, parameter) => key.startsWith(parameter)
-  && /^(_(m|s|deg|Hz|K|C|m2|s2|s3))*$/.test(key.slice(parameter.length));

@@ -147,7 +147,7 @@ class Page {
       const found = await explorer.causes((part) => this.takeCauses(part, state));
       if (!found || state !== this.state) return;
       this.takeCauses(found, state);
-      showBuy(found.causes, summary.receivers[main].p95);
+      showBuy(found, summary.receivers[main].p95);
       tell(summary.receivers[main].p95, main);
       document.body.classList.remove("computing");
     } catch (error) {

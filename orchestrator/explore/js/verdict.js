@@ -43,17 +43,17 @@ function showOthers(receivers, styles, main) {
 }
 
 /** From `explorer.causes`; null while they are not known. */
-export function showBuy(causes, own) {
-  const best = causes?.find((it) => it.better?.clear);
-  if (!causes) {
+export function showBuy(found, own) {
+  const best = found?.causes.find((it) => it.name === found.first)?.better;
+  if (!found) {
     put($("buy"), "…");
-    put($("then"), "while the dives without each cause run");
+    put($("then"), "while dives without each cause run");
   } else if (!best) {
     put($("buy"), "nothing");
-    put($("then"), "better equipment gains nothing that is clear of chance");
+    put($("then"), "no better equipment has a gain that is clear of chance");
   } else {
-    put($("buy"), best.better.words);
-    put($("then"), `then about ${length(own * (1 - best.better.gain))} (−${share(best.better.gain)}), clear of chance`);
+    put($("buy"), best.words);
+    put($("then"), `then about ${length(own * (1 - best.gain))} (−${share(best.gain)}), clear of chance`);
   }
 }
 

@@ -279,6 +279,8 @@ def test_modules_are_bundled_each_after_those_that_it_imports() -> None:
         ({"a": 'import b from "./b.js";\n'}, r"a\.js: must be written as .*, got import b from"),
         ({"a": "export default 1;\n"}, r"a\.js: must be written as .*, got export default 1"),
         ({"a": 'import { b as c } from "./b.js";\n', "b": ""}, r"a\.js: .*got .*b as c"),
+        ({"a": 'import { b, c } from "./b.js";\n', "b": "export const b = 1, c = 2;\n"},
+         r"b\.js: must export c, which a\.js imports"),
     ],
 )  # fmt: skip
 def test_other_forms_of_modules_are_refused(modules: dict[str, str], why: str, seam: Seam) -> None:
