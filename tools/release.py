@@ -3,8 +3,8 @@
     python tools/release.py --out dist
 
 There is one wheel per platform, because the drivers and the bound are specific to it; the FMUs in
-each wheel are for all platforms. Installing such a wheel needs neither a compiler nor CasADi,
-unless a model is changed.
+each wheel are for all platforms, and so are the modules of WebAssembly for pages. Installing such a
+wheel needs neither a compiler nor CasADi, unless a model is changed.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import tempfile
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+from sblcosim.explore.contents import ready as pages
 from sblcosim.fmus.build import bound, compiler, factory
 from sblcosim.fmus.files import write_sealed
 from sblcosim.fmus.platforms import PLATFORMS
@@ -96,7 +97,7 @@ def main() -> None:
         "--platform", action="append", choices=PLATFORMS, help="may be repeated; default: all"
     )
     arguments = parser.parse_args()
-    ready = fmus()
+    ready = {**fmus(), **pages()}
     for cc in compiler.for_every_platform():
         if cc.platform in (arguments.platform or PLATFORMS):
             wheel(arguments.out, cc, ready)

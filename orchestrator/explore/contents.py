@@ -8,7 +8,6 @@ from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
-from sblcosim.fmus.build.compiler import for_platform
 from sblcosim.fmus.platforms import WASM
 from sblcosim.models import RECEIVERS
 from sblcosim.models.acoustics.contents import CONTENTS, PLACED
@@ -62,7 +61,7 @@ def contents(
     """
     refuse(scenario)
     chosen = [*sources.choose(scenario, tuple(receivers))]
-    types = [*dict.fromkeys((*(it for it in chosen if it in RECEIVERS), *COMPARED))]
+    types = [it for it in RECEIVERS if it in {*chosen, *COMPARED}]
     counts = sorted({scenario.beacons, *beacons})
     for count in counts:
         if not BEACONS.least <= count <= BEACONS.most:
@@ -186,11 +185,26 @@ def _modules(
 ) -> dict[str, str]:
     """WebAssembly by its use, number of beacons and of lanes; compressed, as base64."""
     found = {}
-    compiler = for_platform(WASM)
     for count in counts:
-        found[f"settings.{count}"] = packed(settings.library(count, compiler))
+        found[f"settings.{count}"] = packed(settings.library(count, platform=WASM))
         for lane in lanes:
             found[f"engine.{count}.{lane}"] = packed(modules.module(types, count, lane))
+    return found
+
+
+def ready(
+    counts: Collection[int] = range(BEACONS.least, BEACONS.most + 1),
+    lanes: Collection[int] = LANES,
+) -> dict[str, Path]:
+    """The modules of pages with the usual receivers, by cache key and name of the file."""
+    types = [it for it in RECEIVERS if it in COMPARED]
+    found = {}
+    for count in counts:
+        file = settings.library(count, platform=WASM)
+        found[f"{settings.key(count, WASM)}/{file.name}"] = file
+        for lane in lanes:
+            file = modules.module(types, count, lane)
+            found[f"{modules.key(types, count, lane)}/{file.name}"] = file
     return found
 
 

@@ -1,4 +1,4 @@
-"""All keys of a scenario as plain data: bounds, choices and words, as loading a scenario has them."""
+"""All keys of a scenario as plain data: bounds, choices and words, as for loading."""
 
 from __future__ import annotations
 
@@ -45,7 +45,9 @@ def _all() -> Iterator[dict[str, Any]]:
                 yield _declared(name, table, key, schema)
 
 
-def _declared(name: str, table: type[Table], key: str, schema: Mapping[str, Any]) -> dict[str, Any]:
+def _declared(
+    name: str, table: type[Table], key: str, schema: Mapping[str, Any]
+) -> dict[str, Any]:
     variable = table.variables.get(key)
     found: dict[str, Any] = {
         "path": f"{name}.{key}", "table": name, "key": key,
@@ -56,7 +58,10 @@ def _declared(name: str, table: type[Table], key: str, schema: Mapping[str, Any]
         found["time"] = True
     if variable is not None:
         found["parameter"] = variable.name
-        numbers = {(str(it).lower() if isinstance(it, bool) else it): value for it, value in names_of(variable).items()}
+        numbers = {
+            (str(it).lower() if isinstance(it, bool) else it): value
+            for it, value in names_of(variable).items()
+        }
         found["numbers"] = {**numbers, **(variable.named or {})}
         found["needs"] = [
             [[_key(name, key, it.parameter), [*it.values]] for it in group]
@@ -77,8 +82,8 @@ def _key(table: str, key: str, parameter: str) -> str:
 def _form(schema: Mapping[str, Any]) -> dict[str, Any]:
     """Kind, bounds and choices of a key from its JSON schema."""
     forms = [it for it in schema.get("anyOf", [schema]) if it.get("type") != "null"]
-    names = [name for it in forms for name in it.get("enum", [it["const"]] if "const" in it else [])]
-    form = next((it for it in reversed(forms) if "enum" not in it and "const" not in it), {})
+    names = [name for it in forms for name in _names(it)]
+    form = next((it for it in reversed(forms) if not _names(it)), {})
     if not form:
         return {"kind": "choice", "choices": names}
     if form["type"] == "array":  # the last form is flat
@@ -94,6 +99,10 @@ def _form(schema: Mapping[str, Any]) -> dict[str, Any]:
     else:
         found = {"kind": _KINDS[form["type"]], "bounds": _bounds(form)}
     return {**found, "names": names} if names else found
+
+
+def _names(form: Mapping[str, Any]) -> list[Any]:
+    return [form["const"]] if "const" in form else form.get("enum", [])
 
 
 def _bounds(form: Mapping[str, Any]) -> dict[str, float]:

@@ -26,13 +26,18 @@ _FILES = (f"{NAME}.c", "real.h", "freestanding.h")
 _OF_TABLES = {name: {v.key: v for v in COMPONENTS[name].of("parameter")} for name in TABLES}
 
 
-def library(beacons: int, compiler: Compiler | None = None) -> Path:
+def library(
+    beacons: int, compiler: Compiler | None = None, platform: str | None = None
+) -> Path:
     """The settings module for a number of beacons, built if it is not in the cache.
 
     Parameters
     ----------
     compiler
-        By default one for this process; ``compiler.for_platform(WASM)`` makes WebAssembly.
+        By default one for the platform, unless the package includes the module.
+    platform
+        By default that of the compiler, or of this process; `sblcosim.fmus.platforms.WASM` makes
+        WebAssembly.
 
     Returns
     -------
@@ -44,7 +49,12 @@ def library(beacons: int, compiler: Compiler | None = None) -> Path:
     BuildError
         There is no compiler, or it fails.
     """
-    return factory.library(NAME, sources(beacons), compiler=compiler)
+    return factory.library(NAME, sources(beacons), compiler=compiler, platform=platform)
+
+
+def key(beacons: int, platform: str) -> str:
+    """Cache key of the module for a platform."""
+    return factory.library_key(NAME, sources(beacons), False, platform)
 
 
 def sources(beacons: int) -> dict[str, bytes]:

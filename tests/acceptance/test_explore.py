@@ -366,6 +366,32 @@ def test_arms_and_paths_are_keys_of_the_file(told: Mapping[str, Any], tmp_path: 
     assert read.target.speed_m_s == 0.5
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("beacons", [3, 5, 6, 7, 8])
+def test_other_numbers_of_beacons(beacons: int, tmp_path: Path) -> None:
+    """Added and taken away in the page, with other keys at random."""
+    numbers, jobs = random.Random(beacons), []
+    content = contents(load(NAME), beacons=[beacons], lanes=(2,))
+    assert [*content["systems"]] == sorted(["4", str(beacons)])
+    for _ in range(6):
+        given = settings(numbers, 3, (*LONG, "slot_order", "mounting_error_m", "beacon_offset_m"))
+        arms = [[round(numbers.uniform(-5, 5), 3) for _ in range(3)] for _ in range(beacons)]
+        given |= {"time.duration_s": 20.0, "platform.beacon_m": arms}
+        if isinstance(in_python(given, ("coupled", "ekf")), Scenario):
+            jobs.append({
+                "settings": {"given": given, "receivers": ["coupled", "ekf"]},
+                "ask": ["toml", "record", "arms"],
+            })  # fmt: skip
+    assert len(jobs) > 2
+    compared = 0
+    for answer in answers(content, jobs, tmp_path):
+        if answer["refused"] is None:
+            assert len(answer["arms"]) == beacons
+            (tmp_path / "s.toml").write_text(answer["toml"])
+            compared += same_record(answer["record"], tmp_path / "s.toml", ("coupled", "ekf"))
+    assert compared > 2
+
+
 def all_shipped() -> Iterator[str]:
     from sblcosim.scenario.scenario import shipped
 

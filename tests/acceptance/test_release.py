@@ -46,7 +46,9 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A wheel whose FMUs are for this machine only, by its own compiler: that is quicker."""
     out = tmp_path_factory.mktemp("dist")
     tool = release()
-    tool.wheel(out, compiler.find(), tool.fmus(all_platforms=False, versions=(2,)))
+    pages = tool.pages((4,), (2, 1)) if compiler.zig() else {}
+    ready = {**tool.fmus(all_platforms=False, versions=(2,)), **pages}
+    tool.wheel(out, compiler.find(), ready)
     (path,) = out.glob("*.whl")
     return path
 
@@ -96,6 +98,15 @@ def test_wheel_runs_scenarios_and_studies_without_compiler_and_casadi(
     done = environment.run("study", "gps.toml")
     assert done.returncode == 0, done.stderr
     assert "40 runs, 0 failed" in done.stdout
+    assert not (environment.folder / "cache").exists()  # nothing was built
+
+
+@pytest.mark.skipif(compiler.zig() is None, reason="needs ziglang")
+@pytest.mark.skipif(os.name == "nt", reason="makes links")
+def test_wheel_explores_without_compiler_and_casadi(environment: Environment) -> None:
+    done = environment.run("explore", "realistic-dive", "--beacons", "4", "--no-open")
+    assert done.returncode == 0, done.stderr
+    assert (environment.folder / "realistic-dive.html").is_file()
     assert not (environment.folder / "cache").exists()  # nothing was built
 
 

@@ -21,7 +21,7 @@ def explore(
     scenario: Annotated[
         str,
         typer.Argument(
-            metavar="[SCENARIO]", help="Name of an included scenario, or FILE.toml.",
+            metavar="SCENARIO", help="Name of an included scenario, or FILE.toml.",
             autocompletion=completion.scenarios,
         ),
     ] = _USUAL,
@@ -43,7 +43,8 @@ def explore(
         ),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE.html", help="The page [default: NAME.html].")
+        Path | None,
+        typer.Option("--out", metavar="FILE.html", help="The page [default: NAME.html]."),
     ] = None,
     no_open: Annotated[
         bool, typer.Option("--no-open", help="Only write the page; show it nowhere.")
