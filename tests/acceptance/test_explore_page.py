@@ -121,6 +121,84 @@ def test_what_is_shown_are_the_numbers_of_the_command_line(
     }
 
 
+def test_what_limits_the_receiver_and_what_to_buy_first_are_those_of_its_causes(
+    browsing: Callable[..., Tab]
+) -> None:
+    """A dive of one leg, so that it takes little time; with a GPS that decides everything."""
+    shown = browsing(json.dumps({"given": {
+        "target.waypoint_m": [5, -5, 4, 5, 5, 4], "platform.gps_horizontal_markov_std_m": 9.0,
+    }})).run(f"""{HELPERS}
+      change($("count"), "{DIVES}");
+      await computed();
+      const rows = all("#causes li").map((it) => [
+        it.querySelector("b").textContent, it.querySelectorAll("b")[1].textContent, it.textContent]);
+      const within = parseFloat($("within").textContent);
+      change(field("platform.gps_grade").querySelector("select"), "rtk_fixed");
+      await settle();
+      await computed();
+      return {{ rows, buy: $("buy").textContent, within, told: $("told").textContent,
+        note: $("causes-note").textContent }};
+    """)
+    assert shown["rows"][0][0] == "GPS"
+    assert float(shown["rows"][0][1].strip("− %")) > 50
+    assert "RTK GPS" in shown["rows"][0][2]
+    assert shown["within"] > 5
+    assert "RTK GPS" not in shown["buy"]  # it is bought
+    assert shown["buy"] in shown["told"]
+    assert "128 dives each" in shown["note"]
+
+
+def test_the_water_is_coloured_when_asked(browsing: Callable[..., Tab]) -> None:
+    shown = browsing(json.dumps({"receivers": ["ekf"]})).run(f"""{HELPERS}
+      const seen = () => {{
+        const {{ width, height }} = $("map"), pen = new OffscreenCanvas(width, height).getContext("2d");
+        pen.drawImage($("map"), 0, 0);
+        const data = pen.getImageData(0, 0, width, height).data, found = new Set();
+        for (let i = 0; i < data.length; i += 4 * 97) found.add(data.slice(i, i + 3).join());
+        return found.size;
+      }};
+      const before = seen();
+      $("colour").click();
+      await until(() => / depth$/.test($("water-words").textContent));
+      const cells = page.water.cells, values = [...cells.values];
+      const coloured = [seen(), $("colour").getAttribute("aria-pressed"), $("water-scale").hidden];
+      change(field("acoustics.range_std_m").querySelector("input[type=text]"), "0.2");
+      await settle();
+      return {{ before, coloured, n: values.length, known: values.filter(Number.isFinite).length,
+        after: [page.stage.state.under, $("colour").getAttribute("aria-pressed"), $("water-scale").hidden] }};
+    """)
+    assert shown["known"] == shown["n"] > 100
+    assert shown["coloured"][0] > 2 * shown["before"]
+    assert shown["coloured"][1:] == ["true", False]
+    assert shown["after"] == [None, "false", True]
+
+
+def test_a_worker_that_ends_is_replaced(page: Path, tmp_path: Path) -> None:
+    tab = Tab(tmp_path)
+    try:
+        tab.call("Page.addScriptToEvaluateOnNewDocument", source="""
+          window.workers = [];
+          window.Worker = class extends Worker {
+            constructor(...of) { super(...of); workers.push(this); }
+          };""")
+        tab.open(page)
+        shown = tab.run(f"""{HELPERS}
+          change($("count"), "{DIVES}");
+          await until(() => $("so-far").textContent === "{DIVES} dives");
+          const before = $("within").textContent, count = workers.length;
+          for (const it of workers) it.dispatchEvent(new ErrorEvent("error", {{ message: "no memory" }}));
+          change($("count"), "400");
+          change($("count"), "{DIVES}");
+          await settle();
+          await until(() => $("so-far").textContent === "{DIVES} dives");
+          return [before, $("within").textContent, workers.length > count, $("problem").hidden];
+        """)
+    finally:
+        tab.close()
+    assert shown[0] == shown[1] != "…"
+    assert shown[2:] == [True, True]
+
+
 @pytest.mark.parametrize(
     ("path", "text"),
     [
@@ -151,7 +229,7 @@ def test_nonsense_is_refused_beside_its_field_in_the_words_of_a_scenario_file(
     with pytest.raises(SblcosimError) as refused:
         load(NAME, {path: json.loads(text) if text[0] in "[-1" else text})
     expected = str(refused.value).partition("] ")[2] or str(refused.value)
-    assert shown["kept"] and shown["described"] and shown["invalid"] == "true"
+    assert [shown["kept"], shown["described"], shown["invalid"]] == [True, True, "true"]
     assert shown["typed"] == text
     assert expected.partition(", got")[0].partition(": ")[2] in shown["text"]
     assert shown["after"] and shown["invalidAfter"] == "false"

@@ -296,7 +296,7 @@ def test_motion_is_that_of_the_record_and_smooth_or_held_between(
     result, page = page_of("sea", tmp_path)
     values, time = result.record.values, result.record.time_ns / 1e9
     found = browsing(page).run("""
-      const { run } = replay, { pointAt, wavePointAt } = modules.data;
+      const { run } = replay, { pointAt, wavePointAt } = modules.web_data;
       const at = (share) => Array.from(run.time.slice(0, -1), (t, i) => {
         const when = t + share * (run.time[i + 1] - t);
         return [pointAt(run.diver, run.time, when), wavePointAt(run.beacons[1], run.time, when),
@@ -321,7 +321,7 @@ def test_of_lengths_and_times_people_read_what_they_are(
 ) -> None:
     _, page = page_of("quick", tmp_path)
     found = browsing(page).run("""
-      const { clock, metres, unitOf } = modules.words, { roundStep, ticks } = modules.pen;
+      const { clock, metres, unitOf } = modules.web_words, { roundStep, ticks } = modules.web_pen;
       return { clock: [[8.04, 60], [125.4, 3600], [3725, 9999], [-3, 60], [-65, 3600]].map(
           (it) => clock(...it)),
         metres: [1.005, -0.004, -2.5, NaN, 1234.567].map(metres),

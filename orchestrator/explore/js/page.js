@@ -158,7 +158,9 @@ class Page {
   }
 
   takeCauses(found, state) {
-    if (state === this.state) showCauses(found.causes, found);
+    if (state !== this.state) return;
+    showCauses(found.causes, found);
+    put($("then"), `${found.done} of ${found.n} dives without each cause`);
   }
 
   take(summary, main) {

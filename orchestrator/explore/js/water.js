@@ -30,12 +30,14 @@ export class Water {
     $("colour").setAttribute("aria-pressed", "true");
     put($("water-words"), "computing …");
     $("water-scale").hidden = false;
-    const result = await explorer.water(this.grid(stage.state.box, stage.run), (part) => this.take(part));
+    const result = await explorer.water(this.grid(stage), (part) => this.take(part));
     if (result) this.take(result);
   }
 
-  // Square cells over the picture, at the diver's mean depth.
-  grid({ low, high }, run) {
+  // Square cells over what the map shows, at the diver's mean depth.
+  grid({ run, view, state: { box } }) {
+    const seen = [view.under(0, view.height), view.under(view.width, 0)];
+    const [low, high] = view.isPlan ? seen : [box.low, box.high];
     const size = Math.max(high[0] - low[0], high[1] - low[1]) / CELLS;
     const along = (k) => {
       const count = Math.max(Math.ceil((high[k] - low[k]) / size - 1e-9), 1);
