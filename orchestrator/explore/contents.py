@@ -21,6 +21,7 @@ from ..errors import ConfigurationError
 from ..scenario import settings, sources, water
 from ..scenario.error_sources import FLOOR, SOURCES, Source
 from ..scenario.filling import DEFAULT_RECEIVER
+from ..scenario.labels import RAW
 from ..scenario.scenario import Scenario
 from ..scenario.schema import CORE_COMPONENTS, TABLES, given_of
 from ..simulation.plans.plan import LAG
@@ -60,8 +61,14 @@ def contents(
         A module must be built, and CasADi or ``ziglang`` is missing, or the compiler fails.
     """
     refuse(scenario)
-    chosen = [*sources.choose(scenario, tuple(receivers))]
-    types = [it for it in RECEIVERS if it in {*chosen, *COMPARED}]
+    chosen = sources.choose(scenario, tuple(receivers))
+    for it in chosen.values():
+        if it not in RECEIVERS:
+            raise ConfigurationError(
+                f"receiver: must be one of {', '.join(RECEIVERS)} to explore a scenario, got "
+                f"{sources.named(it)}"
+            )
+    types = [it for it in RECEIVERS if it in {*chosen.values(), *COMPARED}]
     counts = sorted({scenario.beacons, *beacons})
     for count in counts:
         if not BEACONS.least <= count <= BEACONS.most:
@@ -72,7 +79,7 @@ def contents(
         "name": scenario.name, "title": scenario.title or scenario.name,
         "seed": scenario.seed, "fmi": scenario.fmi,
         "given": given(scenario),
-        "receivers": [it for it in chosen if it in types],
+        "receivers": [label for label in chosen if label != RAW],
         "types": types,
         "keys": declarations(),
         "systems": {str(count): _system(count, types) for count in counts},

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection, Sequence
-from functools import cache
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
-import jinja2
 from sblcosim.fmus import files
 
 from ..errors import ConfigurationError
 from ..scenario.scenario import Scenario
 from ..web.bundle import bundled, module
-from ..web.page import hash_of, style
+from ..web.page import environment, hash_of, style
 from .contents import contents
 
 MAIN = "explore/js/page"
@@ -56,6 +54,13 @@ def write(
     return target
 
 
+def show(file: Path) -> None:
+    """Open a page in the browser, if there is one."""
+    import webbrowser
+
+    webbrowser.open(file.resolve().as_uri())
+
+
 def render(told: dict[str, Any]) -> str:
     """Text of a page, from its contents."""
     told = {**told, "worker": worker()}
@@ -63,7 +68,7 @@ def render(told: dict[str, Any]) -> str:
     data = json.dumps(told, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c")
     css = f"{style()}\n{_source('explore.css')}"
     script = f"\n{bundled(MAIN)}\n"
-    return _environment().from_string(_source("explore.html.jinja")).render(
+    return environment().from_string(_source("explore.html.jinja")).render(
         content=told, data=data, css=css, script=script,
         hashes={"script": hash_of(script), "style": hash_of(css)},
     )
@@ -77,9 +82,3 @@ def worker() -> str:
 def _source(name: str) -> str:
     return (resources.files("sblcosim.explore") / name).read_text("utf-8")
 
-
-@cache
-def _environment() -> jinja2.Environment:
-    return jinja2.Environment(
-        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )

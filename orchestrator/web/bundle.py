@@ -12,9 +12,9 @@ from importlib import resources
 from posixpath import dirname, join, normpath
 
 _IMPORT = re.compile(
-    r'^import \{\s*(\w+(?:,\s*\w+)*,?)\s*\} from "(\.{1,2}/[\w/.]+)\.js";\n', re.MULTILINE
+    r'^import \{\s*([\w$]+(?:,\s*[\w$]+)*,?)\s*\} from "(\.{1,2}/[\w/.]+)\.js";\n', re.MULTILINE
 )
-_EXPORT = re.compile(r"^export (?=(?:async function|function|class|const) (\w+))", re.MULTILINE)
+_EXPORT = re.compile(r"^export (?=(?:async function|function|class|const) ([\w$]+))", re.MULTILINE)
 _OTHER = re.compile(r"^(?:import|export)\b.*", re.MULTILINE)
 
 
@@ -39,7 +39,8 @@ def bundled(main: str) -> str:
     Raises
     ------
     ValueError
-        A module imports or exports in another form, or modules import each other.
+        A module imports or exports in another form, or a name that is not exported, or modules
+        import each other.
     """
     done: dict[str, str] = {}
     _add(main, done, ())
@@ -55,9 +56,11 @@ def _add(path: str, done: dict[str, str], above: tuple[str, ...]) -> None:
     def imported(found: re.Match[str]) -> str:
         return f"const {{ {found[1]} }} = modules.{_name(_from(path, found[2]))};\n"
 
-    for _, other in _IMPORT.findall(text):
+    for wanted, other in _IMPORT.findall(text):
         if (there := _from(path, other)) not in done:
             _add(there, done, (*above, path))
+        if missing := {*re.findall(r"[\w$]+", wanted)} - {*_EXPORT.findall(module(there))}:
+            raise ValueError(f"{there}.js: must export {min(missing)}, which {path}.js imports")
     names = _EXPORT.findall(text)
     text = _EXPORT.sub("", _IMPORT.sub(imported, text))
     if wrong := _OTHER.search(text):

@@ -478,7 +478,8 @@ export class Explorer {
 
   async #pool(beacons) {
     if (!this.#makeWorker) return null;
-    if (!this.#pools.has(beacons)) {
+    const alive = this.#pools.get(beacons)?.workers.some((it) => !it.dead);
+    if (!alive) {
       const workers = Array.from({ length: this.#workers }, this.#makeWorker);
       this.#pools.set(beacons, new Pool(this.#engines.get(beacons), workers));
     }

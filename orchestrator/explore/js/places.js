@@ -5,8 +5,10 @@ import { PERCENTAGES } from "./statistics.js";
 const RADIUS = 3, DURATION = 60, MOST_TURNS = 1000, REACH = 2, SHARE = 0.95;
 const NOISE = ["depth_std_m", "depth_bias_m", "depth_bias_std_m", "sampling_time_s", "seed", "stream",
   "interval_s"];
-/** Time from which errors count [ns], and dives in each cell. */
-export const SETTLING = 20_000_000_000n, RUNS = 10;
+/** Time from which errors count [ns]. */
+export const SETTLING = 20_000_000_000n;
+/** Dives in each cell. */
+export const RUNS = 10;
 
 /** Keys that let the diver of a state circle about the origin at a depth [m]; null unsets one. */
 export function circling({ given, values }, depth) {
