@@ -13,6 +13,7 @@ from sblcosim.models import RECEIVERS
 from sblcosim.models.acoustics.contents import CONTENTS, PLACED
 from sblcosim.models.acoustics.ranging import RANGINGS
 from sblcosim.models.ports import BEACONS
+from sblcosim.models.settings.assumptions import PARAMETERS
 from sblcosim.models.settings.keys import starts
 from sblcosim.models.target.variables import TRACK_POINTS
 
@@ -32,6 +33,8 @@ from .parts import parts
 
 COMPARED = ("coupled", "ekf", "multilateration")
 """Receivers that every page has, beside those of its scenario."""
+LATE = "receiver.outlier_mean_m"
+"""What a receiver assumes about late ranges: the mean excess of outliers and echoes."""
 LANES = (2, 1)
 """Runs side by side of a page's modules; the second is for browsers without vectors."""
 
@@ -174,6 +177,7 @@ def _rules(scenario: Scenario) -> dict[str, Any]:
         },
         "track_points": int(TRACK_POINTS),
         "floor": FLOOR,
+        "late": {"key": LATE, "value": _late(scenario)},
         "far": LONGEST_ARM,
         "style": {
             "colours": len(THEMES["light"].receivers),
@@ -185,6 +189,19 @@ def _rules(scenario: Scenario) -> dict[str, Any]:
             "profile": acoustics.profile_speed_m_s,
         },
     }
+
+
+def _late(scenario: Scenario) -> float | None:
+    """What receivers assume about echoes along the path [m]; None without echoes.
+
+    The settings module cannot compute it for a path of points. There, the page keeps this value.
+    """
+    acoustics = scenario.acoustics
+    if not acoustics.surface_echo_probability and not acoustics.bottom_echo_probability:
+        return None
+    name = LATE.partition(".")[2]
+    value: float = scenario.assumptions(PARAMETERS)[name]
+    return value
 
 
 def _modules(
