@@ -13,6 +13,7 @@ from sblcosim.models import RECEIVERS
 from sblcosim.models.acoustics.contents import CONTENTS, PLACED
 from sblcosim.models.acoustics.ranging import RANGINGS
 from sblcosim.models.ports import BEACONS
+from sblcosim.models.settings.assumptions import PARAMETERS
 from sblcosim.models.settings.keys import starts
 from sblcosim.models.target.variables import TRACK_POINTS
 
@@ -21,6 +22,7 @@ from ..errors import ConfigurationError
 from ..scenario import settings, sources, water
 from ..scenario.error_sources import FLOOR, SOURCES, Source
 from ..scenario.filling import DEFAULT_RECEIVER
+from ..scenario.labels import RAW
 from ..scenario.scenario import Scenario
 from ..scenario.schema import CORE_COMPONENTS, TABLES, given_of
 from ..simulation.plans.plan import LAG
@@ -31,6 +33,8 @@ from .parts import parts
 
 COMPARED = ("coupled", "ekf", "multilateration")
 """Receivers that every page has, beside those of its scenario."""
+LATE = "receiver.outlier_mean_m"
+"""What a receiver assumes about late ranges: the mean excess of outliers and echoes."""
 LANES = (2, 1)
 """Runs side by side of a page's modules; the second is for browsers without vectors."""
 
@@ -60,8 +64,14 @@ def contents(
         A module must be built, and CasADi or ``ziglang`` is missing, or the compiler fails.
     """
     refuse(scenario)
-    chosen = [*sources.choose(scenario, tuple(receivers))]
-    types = [it for it in RECEIVERS if it in {*chosen, *COMPARED}]
+    chosen = sources.choose(scenario, tuple(receivers))
+    for it in chosen.values():
+        if it not in RECEIVERS:
+            raise ConfigurationError(
+                f"receiver: must be one of {', '.join(RECEIVERS)} to explore a scenario, got "
+                f"{sources.named(it)}"
+            )
+    types = [it for it in RECEIVERS if it in {*chosen.values(), *COMPARED}]
     counts = sorted({scenario.beacons, *beacons})
     for count in counts:
         if not BEACONS.least <= count <= BEACONS.most:
@@ -72,7 +82,7 @@ def contents(
         "name": scenario.name, "title": scenario.title or scenario.name,
         "seed": scenario.seed, "fmi": scenario.fmi,
         "given": given(scenario),
-        "receivers": [it for it in chosen if it in types],
+        "receivers": [label for label in chosen if label != RAW],
         "types": types,
         "keys": declarations(),
         "systems": {str(count): _system(count, types) for count in counts},
@@ -167,6 +177,7 @@ def _rules(scenario: Scenario) -> dict[str, Any]:
         },
         "track_points": int(TRACK_POINTS),
         "floor": FLOOR,
+        "late": {"key": LATE, "value": _late(scenario)},
         "far": LONGEST_ARM,
         "style": {
             "colours": len(THEMES["light"].receivers),
@@ -178,6 +189,19 @@ def _rules(scenario: Scenario) -> dict[str, Any]:
             "profile": acoustics.profile_speed_m_s,
         },
     }
+
+
+def _late(scenario: Scenario) -> float | None:
+    """What receivers assume about echoes along the path [m]; None without echoes.
+
+    The settings module cannot compute it for a path of points. There, the page keeps this value.
+    """
+    acoustics = scenario.acoustics
+    if not acoustics.surface_echo_probability and not acoustics.bottom_echo_probability:
+        return None
+    name = LATE.partition(".")[2]
+    value: float = scenario.assumptions(PARAMETERS)[name]
+    return value
 
 
 def _modules(

@@ -54,6 +54,13 @@ def write(
     return target
 
 
+def show(file: Path) -> None:
+    """Open a page in the browser, if there is one."""
+    import webbrowser
+
+    webbrowser.open(file.resolve().as_uri())
+
+
 def render(told: dict[str, Any]) -> str:
     """Text of a page, from its contents."""
     told = {**told, "worker": worker()}

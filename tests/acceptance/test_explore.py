@@ -395,7 +395,7 @@ def test_other_numbers_of_beacons(beacons: int, tmp_path: Path) -> None:
 def all_shipped() -> Iterator[str]:
     from sblcosim.scenario.scenario import shipped
 
-    yield from (it for it in shipped() if it not in ("realistic-sea",))
+    yield from shipped()
 
 
 @pytest.mark.slow

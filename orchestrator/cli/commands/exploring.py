@@ -64,9 +64,7 @@ def explore(
         page.write(settled, file, receiver or (), _numbers(beacons))
     say(f"written to {file}")
     if not no_open:
-        import webbrowser
-
-        webbrowser.open(file.resolve().as_uri())
+        page.show(file)
 
 
 def _numbers(text: str | None) -> list[int]:

@@ -257,6 +257,7 @@ export class Explorer {
       const message = `[platform] beacons: the components for ${beacons} beacons are still being loaded`;
       return { problems: [{ path: "platform.beacons", message }] };
     }
+    given = this.#withEchoes(given, receivers);
     const values = filled(data, given, seed);
     const problems = problemsOf(data, values, given, receivers, beacons);
     if (problems.length) return { problems };
@@ -274,6 +275,17 @@ export class Explorer {
       return { problems: [{ path: error.path ?? "time.duration_s", message: error.message }] };
     }
     return state;
+  }
+
+  // Along a path of points, receivers keep what they assumed of echoes in the scenario as loaded: a
+  // key of the file, as the settings module cannot compute it.
+  #withEchoes(given, receivers) {
+    const { late: { key, value }, receiver_keys: keys } = this.#data.rules;
+    const has = receivers.some((it) => keys[it].includes(this.byPath.get(key).key));
+    const points = ["waypoints", "file"].includes(given.get("target.trajectory"));
+    const echoes = ["surface", "bottom"].some((it) => given.get(`acoustics.${it}_echo_probability`));
+    return has && points && echoes && value !== null && !given.has(key)
+      ? new Map(given).set(key, value) : given;
   }
 
   // Numbers of names, for the settings module.
@@ -377,7 +389,7 @@ export class Explorer {
 
   // --- Files, commands and links ------------------------------------------------------------------
 
-  toml() { return fileOf(this.#data, this.#given, this.#seed); }
+  toml() { return fileOf(this.#data, this.#state.given, this.#seed); }
 
   command() {
     const chosen = this.#receivers.map((it) => ` --receiver ${it}`).join("");
@@ -616,8 +628,8 @@ function refusal(path, message) {
 function unknown(keys, part, parameter) {
   const key = keys.find((it) => it.table === "receiver" && it.parameter === parameter)?.key ?? parameter;
   return refusal("acoustics.surface_echo_probability", "[acoustics] surface_echo_probability and " +
-    "bottom_echo_probability: must be 0 in a page for a path of points, unless [receiver] " +
-    `${key} is given`);
+    "bottom_echo_probability: must be 0 in a page for a path of points, unless the scenario has " +
+    `echoes, or [receiver] ${key} is given`);
 }
 
 const toMillimetres = (length) => Math.round(length * 1000) / 1000;
