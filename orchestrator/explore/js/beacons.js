@@ -92,8 +92,9 @@ export class BeaconEditor {
     return [...found, text, shape("text", { x: SIZE / 2 + 5, y: 14, class: "small" }, "forward")];
   }
 
+  // Arms of one platform; buoys and beacons on the bottom have none.
   lines(arms) {
-    return arms.map((arm) => {
+    return !this.page.stage.run.arms ? [] : arms.map((arm) => {
       const [x, y] = this.at(arm);
       return shape("line", { x1: SIZE / 2, y1: SIZE / 2, x2: x, y2: y, class: "arm" });
     });

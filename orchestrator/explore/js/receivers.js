@@ -5,7 +5,7 @@ import { $, element, put } from "./dom.js";
 const WORDS = {
   coupled: "estimates GPS, compass, clock and sound speed, too", ekf: "the paper's filter",
   sequential: "one range at a time", fixed_lag: "a few seconds late", raw: "without a filter",
-  long_baseline: "beacons on the bottom", array: "hydrophones close together",
+  long_baseline: "for beacons far apart", array: "hydrophones close together",
 };
 
 export class ReceiverChoice {
