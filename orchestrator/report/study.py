@@ -307,7 +307,8 @@ def _worst(study: Study, table: pd.DataFrame, column: str, results: Path) -> lis
     run = str(row[_RUN])
     again = shlex.join(["sblcosim", "replay", str(results), run, "--replay"])
     play = shlex.join(["sblcosim", "explore", f"runs/{run}/scenario.toml"])
-    blocks = [Text(text), Code(again), Text("Then play with its scenario in a browser:"), Code(play)]
+    then = Text("Then play with its scenario in a browser:")
+    blocks: list[Block] = [Text(text), Code(again), then, Code(play)]
     return [Section("Look at the worst run", "worst", blocks, folded=True)]
 
 

@@ -131,7 +131,7 @@ def test_what_limits_the_receiver_and_what_to_buy_first_are_those_of_its_causes(
       change($("count"), "{DIVES}");
       await computed();
       const rows = all("#causes li").map((it) => [
-        it.querySelector("b").textContent, it.querySelectorAll("b")[1].textContent, it.textContent]);
+        ...[...it.querySelectorAll("b")].slice(0, 2).map((b) => b.textContent), it.textContent]);
       const within = parseFloat($("within").textContent);
       change(field("platform.gps_grade").querySelector("select"), "rtk_fixed");
       await settle();
@@ -151,7 +151,8 @@ def test_what_limits_the_receiver_and_what_to_buy_first_are_those_of_its_causes(
 def test_the_water_is_coloured_when_asked(browsing: Callable[..., Tab]) -> None:
     shown = browsing(json.dumps({"receivers": ["ekf"]})).run(f"""{HELPERS}
       const seen = () => {{
-        const {{ width, height }} = $("map"), pen = new OffscreenCanvas(width, height).getContext("2d");
+        const {{ width, height }} = $("map");
+        const pen = new OffscreenCanvas(width, height).getContext("2d");
         pen.drawImage($("map"), 0, 0);
         const data = pen.getImageData(0, 0, width, height).data, found = new Set();
         for (let i = 0; i < data.length; i += 4 * 97) found.add(data.slice(i, i + 3).join());
@@ -165,7 +166,8 @@ def test_the_water_is_coloured_when_asked(browsing: Callable[..., Tab]) -> None:
       change(field("acoustics.range_std_m").querySelector("input[type=text]"), "0.2");
       await settle();
       return {{ before, coloured, n: values.length, known: values.filter(Number.isFinite).length,
-        after: [page.stage.state.under, $("colour").getAttribute("aria-pressed"), $("water-scale").hidden] }};
+        after: [page.stage.state.under, $("colour").getAttribute("aria-pressed"),
+          $("water-scale").hidden] }};
     """)
     assert shown["known"] == shown["n"] > 100
     assert shown["coloured"][0] > 2 * shown["before"]
@@ -186,7 +188,8 @@ def test_a_worker_that_ends_is_replaced(page: Path, tmp_path: Path) -> None:
           change($("count"), "{DIVES}");
           await until(() => $("so-far").textContent === "{DIVES} dives");
           const before = $("within").textContent, count = workers.length;
-          for (const it of workers) it.dispatchEvent(new ErrorEvent("error", {{ message: "no memory" }}));
+          for (const it of workers)
+            it.dispatchEvent(new ErrorEvent("error", {{ message: "no memory" }}));
           change($("count"), "400");
           change($("count"), "{DIVES}");
           await settle();
@@ -216,7 +219,8 @@ def test_nonsense_is_refused_beside_its_field_in_the_words_of_a_scenario_file(
       const told = [];
       for (const [path, text] of Object.entries({json.dumps(REFUSED)})) {{
         const own = found(path), input = own.querySelector("input, select");
-        const toml = page.explorer.toml(), good = input.value, problem = own.querySelector(".refused");
+        const toml = page.explorer.toml(), good = input.value;
+        const problem = own.querySelector(".refused");
         change(input, text);
         await settle();
         const refused = [problem.hidden, input.value, input.getAttribute("aria-invalid"),
@@ -261,15 +265,17 @@ def test_every_key_of_a_scenario_has_a_field_that_shows_its_value(
 def test_a_link_carries_all_settings(browsing: Callable[..., Tab]) -> None:
     changes = {"platform.beaufort": 5, "acoustics.loss_probability": 0.4, "time.ekf_ratio": 4,
                "platform.imu_grade": "tactical", "acoustics.motion_during_travel": False}
+    typed = {path: str(value).lower() for path, value in changes.items()}
     first = browsing().run(f"""{HELPERS}
-      for (const [path, text] of Object.entries({json.dumps({path: str(it).lower() for path, it in changes.items()})})) {{
+      for (const [path, text] of Object.entries({json.dumps(typed)})) {{
         const input = found(path).querySelector("input, select");
         change(input, input.type === "checkbox" ? text === "true" : text);
       }}
       change($("seed"), "23");
       change($("main-receiver"), "ekf");
       await settle();
-      return [page.explorer.link(), page.explorer.toml(), $("command").textContent, page.changes.all];
+      return [page.explorer.link(), page.explorer.toml(), $("command").textContent,
+        page.changes.all];
     """)
     assert {*changes} <= {*first[3]}
     again = browsing(first[0]).run(f"""{HELPERS}
@@ -303,7 +309,8 @@ def test_beacons_and_sliders_can_be_moved_by_keys(browsing: Callable[..., Tab]) 
     assert "0.3 m right" in arms[1]
     tab.run(f"{HELPERS} field('acoustics.loss_probability').querySelector('[type=range]').focus();")
     tab.key("ArrowRight")
-    lost = tab.run(f"{HELPERS} await settle(); return page.explorer.value('acoustics.loss_probability')")
+    value = "return page.explorer.value('acoustics.loss_probability')"
+    lost = tab.run(f"{HELPERS} await settle(); {value}")
     assert lost == 0.3
     back = tab.run(f"""{HELPERS} field('acoustics.loss_probability').querySelector('.back').click();
       $("reset-beacons").click(); await settle();
@@ -322,7 +329,8 @@ def test_beacons_are_dragged_and_a_path_is_drawn(
     """)
     tab.drag((x, y), (x - 10, y), (x - 20, y + 15))
     arms = tab.run(f"{HELPERS} await settle(); return page.explorer.arms")
-    assert arms[1][1] < 2.9 and arms[1][0] < -0.1
+    assert arms[1][1] < 2.9
+    assert arms[1][0] < -0.1
     box = tab.run(f"""{HELPERS} $("dive").scrollIntoView(); change($("path-depth"), "4.5");
       $("draw").click(); await settle();
       const {{ left, top }} = $("sketch").getBoundingClientRect(); return [left, top]""")
@@ -345,7 +353,8 @@ def test_paths_are_read_from_files(browsing: Callable[..., Tab]) -> None:
       const open = async (name, text) => {{
         await page.path.open(new File([text], name));
         await settle();
-        return [page.explorer.pathPoints, $("path-problem").hidden ? "" : $("path-problem").textContent];
+        const problem = $("path-problem");
+        return [page.explorer.pathPoints, problem.hidden ? "" : problem.textContent];
       }};
       return [
         await open("a.csv", "time_s,north_m,east_m,down_m\\n0,1,2,3\\n9,4.5,-5,6\\n"),
@@ -366,7 +375,8 @@ def test_paths_are_read_from_files(browsing: Callable[..., Tab]) -> None:
     assert shown[4][0] == shown[1][0]
 
 
-@pytest.mark.parametrize(("width", "dark"), [(1400, False), (1400, True), (390, False), (390, True)])
+@pytest.mark.parametrize("dark", [False, True])
+@pytest.mark.parametrize("width", [1400, 390])
 def test_the_page_fits_its_window_and_every_control_has_a_name(
     width: int, dark: bool, browsing: Callable[..., Tab]
 ) -> None:
@@ -375,9 +385,10 @@ def test_the_page_fits_its_window_and_every_control_has_a_name(
       await settle();
       const named = (it) => it.getAttribute("aria-label") || it.labels?.[0]?.textContent.trim()
         || (it.tagName === "BUTTON" && it.textContent.trim());
-      const visible = all("button, input, select, textarea, canvas, [tabindex]").filter((it) => it.checkVisibility());
+      const visible = all("button, input, select, textarea, canvas, [tabindex]")
+        .filter((it) => it.checkVisibility() && it.tagName !== "PRE");
       return {{ wide: document.documentElement.scrollWidth, count: visible.length,
-        nameless: visible.filter((it) => !named(it) && it.tagName !== "PRE").map((it) => it.outerHTML),
+        nameless: visible.filter((it) => !named(it)).map((it) => it.outerHTML),
         paper: getComputedStyle(document.querySelector("section")).backgroundColor,
         canvases: all("canvas").map((it) => it.width) }};
     """)
