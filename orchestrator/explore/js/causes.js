@@ -16,7 +16,11 @@ export function showCauses(causes, { done, n }) {
     + (small.length ? `Less than ${share(LEAST)}, or unclear: ${small.join(", ")}.` : "");
 }
 
-const minus = (x) => (x > 0 ? `−${share(x)}` : share(-x));
+// A change of the error: −12 %, 0 %, +3 %.
+function minus(x) {
+  const text = share(Math.abs(x));
+  return Number.parseInt(text) === 0 ? text : `${x > 0 ? "−" : "+"}${text}`;
+}
 
 function row({ name, share: without, interval: [low, high], better }, scale) {
   const width = (x) => `${100 * Math.min(Math.max(x / scale, 0), 1)}%`;
