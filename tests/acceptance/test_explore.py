@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import random
+import subprocess
 import warnings
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -11,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 import sblcosim
-from explored import KEYS, NODE, answers, as_typed, drawn, plain, values
+from explored import KEYS, MODULES, NODE, SCRIPT, answers, as_typed, drawn, plain, values
 from quick import few
 from sblcosim.comparison.budget import sources
 from sblcosim.comparison.many.run import run_many
@@ -364,6 +366,40 @@ def test_arms_and_paths_are_keys_of_the_file(told: Mapping[str, Any], tmp_path: 
     assert np.reshape(read.target.waypoint_m, (-1, 3)).tolist() == [path[0], [10.123, 5.0, 2.0]]
     assert answer["pathPoints"] == [path[0], [10.123, 5.0, 2.0]]
     assert read.target.speed_m_s == 0.5
+
+
+MEMORY = """
+import {{ readFileSync }} from "node:fs";
+const {{ Explorer }} = await import({script});
+const explorer = await Explorer.open(JSON.parse(readFileSync("contents.json", "utf8")));
+explorer.apply({{ given: {{ "time.duration_s": 20 }}, receivers: ["ekf"] }});
+const sizes = [];
+for (let n = 0; n < 50; n++) {{
+  explorer.set("acoustics.range_std_m", 0.1 + n / 1000);
+  explorer.setSeed(2000 * n);
+  await explorer.dives(2000);
+  explorer.dive();
+  globalThis.gc();
+  const {{ heapUsed, arrayBuffers }} = process.memoryUsage();
+  sizes.push(heapUsed + arrayBuffers);
+}}
+console.log(JSON.stringify(sizes));
+"""
+
+
+@pytest.mark.slow
+def test_memory_is_flat_over_a_hundred_thousand_dives(
+    told: Mapping[str, Any], tmp_path: Path
+) -> None:
+    (tmp_path / "contents.json").write_text(json.dumps(told))
+    (tmp_path / "memory.mjs").write_text(MEMORY.format(script=json.dumps(SCRIPT.as_uri())))
+    assert NODE is not None
+    done = subprocess.run(
+        [NODE, MODULES, "--expose-gc", "memory.mjs"], cwd=tmp_path, check=True,
+        capture_output=True,
+    )  # fmt: skip
+    sizes = json.loads(done.stdout)
+    assert max(sizes[-5:]) - max(sizes[5:10]) < 1_000_000
 
 
 @pytest.mark.slow
