@@ -17,7 +17,7 @@ from explored import KEYS, MODULES, NODE, SCRIPT, answers, as_typed, drawn, plai
 from quick import few
 from sblcosim.comparison.budget import sources
 from sblcosim.comparison.many.run import run_many
-from sblcosim.errors import SblcosimError
+from sblcosim.errors import ConfigurationError, SblcosimError
 from sblcosim.explore.contents import contents
 from sblcosim.fmus.build import compiler
 from sblcosim.prepare.scenario import of_scenario
@@ -291,6 +291,24 @@ def test_water_is_better_near_the_beacons(told: Mapping[str, Any], tmp_path: Pat
     assert [here["water"]["n"], here["water"]["done"], here["water"]["depth"]] == [4, 4, 5.0]
 
 
+@pytest.mark.parametrize(
+    ("given", "receivers", "beacons", "why"),
+    [
+        ({"platform.fmu": "x.fmu"}, (), (), "platform.fmu: must be left out to explore"),
+        ({}, ("nobody",), (), "receiver: must be .*got 'nobody'"),
+        ({}, (), (9,), "beacons: must be from 3 to 8, got 9"),
+        ({"target.trajectory": "file", "target.track_time_s": [*map(float, range(65))],
+          "target.track_m": [[0.0, float(i), 1.0] for i in range(65)]}, (), (),
+         "at most 16 points in a page, got 65"),
+    ],
+)  # fmt: skip
+def test_what_a_page_cannot_have_is_refused(
+    given: Mapping[str, Any], receivers: tuple[str, ...], beacons: tuple[int, ...], why: str
+) -> None:
+    with pytest.raises(ConfigurationError, match=why):
+        contents(load(NAME, given.items()), receivers, beacons)
+
+
 # --- Settings ------------------------------------------------------------------------------------
 
 
@@ -385,6 +403,16 @@ for (let n = 0; n < 50; n++) {{
 }}
 console.log(JSON.stringify(sizes));
 """
+
+
+@pytest.mark.slow
+def test_a_browser_without_vectors_has_the_same_numbers(tmp_path: Path) -> None:
+    told = contents(load(NAME))
+    broken = {**told["modules"], "engine.4.2": told["modules"]["settings.4"]}
+    job = {"settings": {"receivers": ["ekf"]}, "dives": 5}
+    (two,) = answers(told, [job], tmp_path)
+    (one,) = answers({**told, "modules": broken}, [job], tmp_path)
+    assert one == two
 
 
 @pytest.mark.slow
