@@ -83,7 +83,7 @@ def _form(schema: Mapping[str, Any]) -> dict[str, Any]:
     """Kind, bounds and choices of a key from its JSON schema."""
     forms = [it for it in schema.get("anyOf", [schema]) if it.get("type") != "null"]
     names = [name for it in forms for name in _names(it)]
-    form = next((it for it in reversed(forms) if not _names(it)), {})
+    form: Mapping[str, Any] = next((it for it in reversed(forms) if not _names(it)), {})
     if not form:
         return {"kind": "choice", "choices": names}
     if form["type"] == "array":  # the last form is flat

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import random
+import subprocess
 import warnings
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -11,11 +13,11 @@ from typing import Any
 import numpy as np
 import pytest
 import sblcosim
-from explored import KEYS, NODE, answers, as_typed, drawn, plain, values
+from explored import KEYS, MODULES, NODE, SCRIPT, answers, as_typed, drawn, plain, values
 from quick import few
 from sblcosim.comparison.budget import sources
 from sblcosim.comparison.many.run import run_many
-from sblcosim.errors import SblcosimError
+from sblcosim.errors import ConfigurationError, SblcosimError
 from sblcosim.explore.contents import contents
 from sblcosim.fmus.build import compiler
 from sblcosim.prepare.scenario import of_scenario
@@ -289,6 +291,24 @@ def test_water_is_better_near_the_beacons(told: Mapping[str, Any], tmp_path: Pat
     assert [here["water"]["n"], here["water"]["done"], here["water"]["depth"]] == [4, 4, 5.0]
 
 
+@pytest.mark.parametrize(
+    ("given", "receivers", "beacons", "why"),
+    [
+        ({"platform.fmu": "x.fmu"}, (), (), "platform.fmu: must be left out to explore"),
+        ({}, ("nobody",), (), "receiver: must be .*got 'nobody'"),
+        ({}, (), (9,), "beacons: must be from 3 to 8, got 9"),
+        ({"target.trajectory": "file", "target.track_time_s": [*map(float, range(65))],
+          "target.track_m": [[0.0, float(i), 1.0] for i in range(65)]}, (), (),
+         "at most 16 points in a page, got 65"),
+    ],
+)  # fmt: skip
+def test_what_a_page_cannot_have_is_refused(
+    given: Mapping[str, Any], receivers: tuple[str, ...], beacons: tuple[int, ...], why: str
+) -> None:
+    with pytest.raises(ConfigurationError, match=why):
+        contents(load(NAME, given.items()), receivers, beacons)
+
+
 # --- Settings ------------------------------------------------------------------------------------
 
 
@@ -364,6 +384,50 @@ def test_arms_and_paths_are_keys_of_the_file(told: Mapping[str, Any], tmp_path: 
     assert np.reshape(read.target.waypoint_m, (-1, 3)).tolist() == [path[0], [10.123, 5.0, 2.0]]
     assert answer["pathPoints"] == [path[0], [10.123, 5.0, 2.0]]
     assert read.target.speed_m_s == 0.5
+
+
+MEMORY = """
+import {{ readFileSync }} from "node:fs";
+const {{ Explorer }} = await import({script});
+const explorer = await Explorer.open(JSON.parse(readFileSync("contents.json", "utf8")));
+explorer.apply({{ given: {{ "time.duration_s": 20 }}, receivers: ["ekf"] }});
+const sizes = [];
+for (let n = 0; n < 50; n++) {{
+  explorer.set("acoustics.range_std_m", 0.1 + n / 1000);
+  explorer.setSeed(2000 * n);
+  await explorer.dives(2000);
+  explorer.dive();
+  globalThis.gc();
+  const {{ heapUsed, arrayBuffers }} = process.memoryUsage();
+  sizes.push(heapUsed + arrayBuffers);
+}}
+console.log(JSON.stringify(sizes));
+"""
+
+
+@pytest.mark.slow
+def test_a_browser_without_vectors_has_the_same_numbers(tmp_path: Path) -> None:
+    told = contents(load(NAME))
+    broken = {**told["modules"], "engine.4.2": told["modules"]["settings.4"]}
+    job = {"settings": {"receivers": ["ekf"]}, "dives": 5}
+    (two,) = answers(told, [job], tmp_path)
+    (one,) = answers({**told, "modules": broken}, [job], tmp_path)
+    assert one == two
+
+
+@pytest.mark.slow
+def test_memory_is_flat_over_a_hundred_thousand_dives(
+    told: Mapping[str, Any], tmp_path: Path
+) -> None:
+    (tmp_path / "contents.json").write_text(json.dumps(told))
+    (tmp_path / "memory.mjs").write_text(MEMORY.format(script=json.dumps(SCRIPT.as_uri())))
+    assert NODE is not None
+    done = subprocess.run(
+        [NODE, MODULES, "--expose-gc", "memory.mjs"], cwd=tmp_path, check=True,
+        capture_output=True,
+    )  # fmt: skip
+    sizes = json.loads(done.stdout)
+    assert max(sizes[-5:]) - max(sizes[5:10]) < 1_000_000
 
 
 @pytest.mark.slow

@@ -565,7 +565,8 @@ export class Explorer {
     if (state !== this.#state) return null;
     if (pool) {
       if (isNew) pool.add(name, plan);
-      return pool.run(name, seeds, PERCENTAGES, PART);
+      // A part for each worker: several runs at a time would all begin with the first one.
+      return pool.run(name, seeds, PERCENTAGES, Math.ceil(seeds.length / pool.workers.length));
     }
     await new Promise((done) => setTimeout(done));
     return state === this.#state ? engine.run(plan, seeds, PERCENTAGES) : null;
