@@ -349,6 +349,23 @@ def test_a_preset_takes_the_place_of_its_keys(told: Mapping[str, Any], tmp_path:
     assert answer["changed"] == []
 
 
+def test_receivers_are_told_what_the_command_line_tells_them(
+    told: Mapping[str, Any], tmp_path: Path
+) -> None:
+    given = {"platform.gps_grade": "sbas", "platform.imu_heading_std_deg": 2.5}
+    scenario = load(NAME, given)
+    keys = [it for it in scenario.receiver.variables if getattr(scenario.receiver, it) is not None]
+    (answer,) = answers(told, [{
+        "settings": {"given": given}, "steps": [["value", f"receiver.{it}"] for it in keys],
+    }], tmp_path)  # fmt: skip
+    for key, found in zip(keys, answer["steps"], strict=True):
+        expected = getattr(scenario.receiver, key)
+        if isinstance(expected, str | bool):
+            assert found == expected, key
+        else:
+            np.testing.assert_allclose(found, expected, rtol=1e-11, err_msg=key)
+
+
 def test_keys_that_depend_on_each_other_are_set_one_after_the_other(
     told: Mapping[str, Any], tmp_path: Path
 ) -> None:
