@@ -33,6 +33,9 @@ from .parts import parts
 
 COMPARED = ("coupled", "ekf", "multilateration")
 """Receivers that every page has, beside those of its scenario."""
+MOST_POINTS = 256
+"""Largest number of points of a recorded track in a page."""
+POINTS = {TRACK_POINTS.name: MOST_POINTS}
 LATE = "receiver.outlier_mean_m"
 """What a receiver assumes about late ranges: the mean excess of outliers and echoes."""
 LANES = (2, 1)
@@ -108,10 +111,10 @@ def refuse(scenario: Scenario) -> None:
                 "page has our components only"
             )
     count = len(scenario.target.track_time_s or ())
-    if scenario.target.trajectory == "file" and count > TRACK_POINTS:
+    if scenario.target.trajectory == "file" and count > MOST_POINTS:
         raise ConfigurationError(
             f"{scenario.where('target', 'track_tolerance_m')}: the diver must follow at most "
-            f"{int(TRACK_POINTS)} points in a page, got {count}; a larger tolerance keeps fewer"
+            f"{MOST_POINTS} points in a page, got {count}; a larger tolerance keeps fewer"
         )
 
 
@@ -133,7 +136,7 @@ def _system(beacons: int, types: Sequence[str]) -> dict[str, Any]:
         for kind in ("values", "copies")
     }
     return {
-        "parts": parts(types, beacons),
+        "parts": parts(types, beacons=beacons, **POINTS),
         "defaults": {name: dict(starts(name, beacons)) for name in CORE_COMPONENTS},
         "settings": {**{k: described[k] for k in ("keys", "optional")}, **computed},
     }
@@ -175,7 +178,7 @@ def _rules(scenario: Scenario) -> dict[str, Any]:
             }
             for name, it in CONTENTS.items()
         },
-        "track_points": int(TRACK_POINTS),
+        "track_points": MOST_POINTS,
         "floor": FLOOR,
         "late": {"key": LATE, "value": _late(scenario)},
         "far": LONGEST_ARM,
@@ -212,7 +215,8 @@ def _modules(
     for count in counts:
         found[f"settings.{count}"] = packed(settings.library(count, platform=WASM))
         for lane in lanes:
-            found[f"engine.{count}.{lane}"] = packed(modules.module(types, count, lane))
+            file = modules.module(types, count, lane, **POINTS)
+            found[f"engine.{count}.{lane}"] = packed(file)
     return found
 
 
@@ -227,8 +231,8 @@ def ready(
         file = settings.library(count, platform=WASM)
         found[f"{settings.key(count, WASM)}/{file.name}"] = file
         for lane in lanes:
-            file = modules.module(types, count, lane)
-            found[f"{modules.key(types, count, lane)}/{file.name}"] = file
+            file = modules.module(types, count, lane, **POINTS)
+            found[f"{modules.key(types, count, lane, **POINTS)}/{file.name}"] = file
     return found
 
 

@@ -58,6 +58,7 @@ def _declared(
         found["time"] = True
     if variable is not None:
         found["parameter"] = variable.name
+        found["angle"] = bool(variable.unit and variable.unit.startswith("rad"))
         numbers = {
             (str(it).lower() if isinstance(it, bool) else it): value
             for it, value in names_of(variable).items()

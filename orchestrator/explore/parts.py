@@ -20,8 +20,8 @@ from ..simulation.masters.lanes_driver import RECEIVER_PORTS
 from ..simulation.plans.plan import TICK_PARAMETERS
 
 
-def parts(receivers: Sequence[str], beacons: int) -> dict[str, dict[str, Any]]:
-    """Target, platform, acoustics and receivers for a number of beacons, by name.
+def parts(receivers: Sequence[str], **constants: int) -> dict[str, dict[str, Any]]:
+    """Target, platform, acoustics and receivers for constants of the build, by name.
 
     Returns
     -------
@@ -32,7 +32,7 @@ def parts(receivers: Sequence[str], beacons: int) -> dict[str, dict[str, Any]]:
         element there and here, number of elements), ``tick`` (the parameter with the time between
         ticks), and of receivers ``judged``: first elements of the outputs that are judged.
     """
-    known = {name: declared(name, beacons=beacons) for name in (*CORE_COMPONENTS, *receivers)}
+    known = {name: declared(name, **constants) for name in (*CORE_COMPONENTS, *receivers)}
     return {name: _part(name, known) for name in known}
 
 

@@ -297,9 +297,9 @@ def test_water_is_better_near_the_beacons(told: Mapping[str, Any], tmp_path: Pat
         ({"platform.fmu": "x.fmu"}, (), (), "platform.fmu: must be left out to explore"),
         ({}, ("nobody",), (), "receiver: must be .*got 'nobody'"),
         ({}, (), (9,), "beacons: must be from 3 to 8, got 9"),
-        ({"target.trajectory": "file", "target.track_time_s": [*map(float, range(65))],
-          "target.track_m": [[0.0, float(i), 1.0] for i in range(65)]}, (), (),
-         "at most 16 points in a page, got 65"),
+        ({"target.trajectory": "file", "target.track_time_s": [*map(float, range(257))],
+          "target.track_m": [[0.0, float(i), 1.0] for i in range(257)]}, (), (),
+         "at most 256 points in a page, got 257"),
     ],
 )  # fmt: skip
 def test_what_a_page_cannot_have_is_refused(
@@ -349,6 +349,23 @@ def test_a_preset_takes_the_place_of_its_keys(told: Mapping[str, Any], tmp_path:
     assert answer["changed"] == []
 
 
+def test_receivers_are_told_what_the_command_line_tells_them(
+    told: Mapping[str, Any], tmp_path: Path
+) -> None:
+    given = {"platform.gps_grade": "sbas", "platform.imu_heading_std_deg": 2.5}
+    scenario = load(NAME, given)
+    keys = [it for it in scenario.receiver.variables if getattr(scenario.receiver, it) is not None]
+    (answer,) = answers(told, [{
+        "settings": {"given": given}, "steps": [["value", f"receiver.{it}"] for it in keys],
+    }], tmp_path)  # fmt: skip
+    for key, found in zip(keys, answer["steps"], strict=True):
+        expected = getattr(scenario.receiver, key)
+        if isinstance(expected, str | bool):
+            assert found == expected, key
+        else:
+            np.testing.assert_allclose(found, expected, rtol=1e-11, err_msg=key)
+
+
 def test_keys_that_depend_on_each_other_are_set_one_after_the_other(
     told: Mapping[str, Any], tmp_path: Path
 ) -> None:
@@ -384,6 +401,18 @@ def test_arms_and_paths_are_keys_of_the_file(told: Mapping[str, Any], tmp_path: 
     assert np.reshape(read.target.waypoint_m, (-1, 3)).tolist() == [path[0], [10.123, 5.0, 2.0]]
     assert answer["pathPoints"] == [path[0], [10.123, 5.0, 2.0]]
     assert read.target.speed_m_s == 0.5
+
+
+def test_a_recorded_track_is_followed(told: Mapping[str, Any], tmp_path: Path) -> None:
+    times = [0.0, *(1.5 * i + 1.0 for i in range(99))]
+    given = {
+        "target.trajectory": "file", "target.track_time_s": times, "time.duration_s": 40.0,
+        "target.track_m": [[round(5 + i / 7, 3), round(i / 9, 3), 3.0] for i in range(100)],
+    }
+    job = {"settings": {"given": given}, "ask": ["toml", "record"]}
+    (answer,) = answers(told, [job], tmp_path)
+    (tmp_path / "s.toml").write_text(answer["toml"])
+    assert same_record(answer["record"], tmp_path / "s.toml", ("coupled",))
 
 
 MEMORY = """

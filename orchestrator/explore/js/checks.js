@@ -165,9 +165,9 @@ function* profile({ data, of, has, given }) {
 function* bottom({ of, beacons }) {
   const depth = of("acoustics.water_depth_m");
   if (!depth) return;
-  const scale = of("platform.beacon_scale"), points = of("platform.beacon_m");
-  const down = Array.from({ length: beacons }, (_, i) => scale * (
-    of("platform.arrangement") === "given" ? points[3 * i + 2] : of("platform.beacon_depth_m")));
+  const points = of("platform.arrangement") === "given" ? of("platform.beacon_m") : null;
+  const down = Array.from({ length: beacons }, (_, i) =>
+    points ? points[3 * i + 2] : of("platform.beacon_depth_m"));
   const shift = of("platform.mean_position_m")[2];
   const low = down.flatMap((z, i) => z + shift > depth ? [i + 1] : []);
   if (low.length) {

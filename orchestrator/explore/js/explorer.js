@@ -12,8 +12,8 @@
 //                              words, unit, kind (number, integer, switch, choice, vector, matrix),
 //                              bounds {least, most, above, below}, choices, names, rows, columns,
 //                              default, needs, sets
-//   value(path)                what holds now: given, or filled in; undefined where only a receiver
-//                              knows it
+//   value(path)                what holds now: given, filled in, or what the first receiver that has
+//                              the key is told; undefined if there is none
 //   given                      Map of paths and values: all keys that the scenario file will have
 //   changed                    paths whose value differs from the scenario that was loaded
 // Changes return null, or why they were refused, in a scenario file's words. A
@@ -118,8 +118,22 @@ export class Explorer {
   }
 
   value(path) {
-    const found = this.#state.values.get(path);
-    return found ?? this.byPath.get(path)?.default ?? undefined;
+    const key = this.byPath.get(path), found = this.#state.values.get(path) ?? this.#told(key);
+    return found ?? key?.default ?? undefined;
+  }
+
+  // What the first receiver that has a key is told, in the unit of a scenario file.
+  #told(key) {
+    const { chosen, starts, beacons } = this.#state, { parts } = this.#data.systems[beacons];
+    const own = key?.table === "receiver" && key.parameter
+      ? chosen.find(({ type }) => parts[type].parameters[key.parameter]) : undefined;
+    if (!own) return undefined;
+    const { parameters, start } = parts[own.type], [first, size] = parameters[key.parameter];
+    const numbers = starts(`${own.type}.${key.parameter}`) ?? start.slice(first, first + size);
+    const [name] = Object.entries(key.numbers).find(([, it]) => it === numbers[0]) ?? [];
+    if (name !== undefined) return key.kind === "switch" ? name === "true" : name;
+    const found = numbers.map((it) => key.angle ? Number((it * 180 / Math.PI).toPrecision(12)) : it);
+    return key.kind === "vector" || key.kind === "matrix" ? found : found[0];
   }
 
   /** Beacons in the platform's frame: forward, right, down [m]. */
