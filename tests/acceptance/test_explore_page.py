@@ -242,6 +242,30 @@ def test_nonsense_is_refused_beside_its_field_in_the_words_of_a_scenario_file(
         assert after == [True, "false"], path
 
 
+def test_a_contradiction_stays_beside_its_field_until_another_key_resolves_it(
+    browsing: Callable[..., Tab]
+) -> None:
+    shown = browsing().run(f"""{HELPERS}
+      const packet = found("acoustics.packet_duration_s");
+      const told = () => packet.querySelector(".refused").textContent;
+      const set = async (path, text) => {{
+        change(field(path).querySelector("input[type=text]"), text);
+        await settle();
+        const own = field(path).querySelector(".refused");
+        return [own.hidden, page.explorer.value(path), told(),
+          page.explorer.given.get("acoustics.packet_duration_s") ?? null];
+      }};
+      change(packet.querySelector("input"), "4");
+      await settle();
+      const refused = told();
+      return {{ refused, other: await set("acoustics.loss_probability", "0.4"),
+        solved: await set("time.sampling_time_s", "5") }};
+    """)
+    assert "at most the time between pings, 1 s, got 4 s" in shown["refused"]
+    assert shown["other"] == [True, 0.4, shown["refused"], None]
+    assert shown["solved"] == [True, 5.0, "", 4.0]
+
+
 def test_every_key_of_a_scenario_has_a_field_that_shows_its_value(
     told: Mapping[str, Any], browsing: Callable[..., Tab]
 ) -> None:
@@ -409,3 +433,49 @@ def test_a_browser_without_webassembly_gets_a_sentence(page: Path, tmp_path: Pat
     finally:
         tab.close()
     assert problem == "This page cannot simulate here: this browser has no WebAssembly"
+
+
+@pytest.mark.slow
+def test_pages_have_other_numbers_of_beacons_and_modules_for_browsers_without_vectors(
+    tmp_path: Path
+) -> None:
+    """Such a browser refuses to compile modules with vectors: the smaller ones take their place."""
+    told = contents(load(NAME), ("ekf",), beacons=(5,))
+    file, files = tmp_path / "explore.html", []
+    file.write_text(render(told), "utf-8")
+    for refused in ("", """
+          const compile = WebAssembly.compile;
+          WebAssembly.compile = async (bytes) => {
+            const module = await compile(bytes);
+            const [own] = WebAssembly.Module.customSections(module, "sblcosim");
+            if (own && JSON.parse(new TextDecoder().decode(own)).lanes > 1)
+              throw new WebAssembly.CompileError("no vectors");
+            return module;
+          };"""):
+        tab = Tab(tmp_path)
+        try:
+            tab.call("Page.addScriptToEvaluateOnNewDocument", source=refused)
+            tab.open(file)
+            files.append(tab.run(f"""{HELPERS}
+              change($("count"), "{DIVES}");
+              $("add-beacon").click();
+              await until(() => all("#beacons-rows tr").length === 5);
+              await settle();
+              await until(() => $("so-far").textContent === "{DIVES} dives");
+              const [receiver] = page.stage.run.receivers;
+              return [page.explorer.toml(), page.explorer.arms.length, $("within").textContent,
+                $("add-beacon").disabled, [...receiver.position.x]];
+            """))
+            assert tab.complaints == []
+        finally:
+            tab.close()
+    (toml, arms, within, last, north), other = files
+    assert other == files[0]
+    assert arms == 5
+    assert last  # there are no modules for six
+    scenario = tmp_path / "scenario.toml"
+    scenario.write_text(toml)
+    result = sblcosim.run(scenario, ["ekf"])
+    np.testing.assert_array_equal(result.judged["ekf"].estimates.position[:, 0], north)
+    many = run_many(load(scenario), ("ekf",), runs=DIVES)
+    assert within == f"{many.within_m['ekf']:.1f} m"

@@ -17,8 +17,8 @@
 //   given                      Map of paths and values: all keys that the scenario file will have
 //   changed                    paths whose value differs from the scenario that was loaded
 // Changes return null, or why they were refused, in a scenario file's words. A
-// refused change is remembered until its key is set again or unset: two keys that depend on each
-// other may be set one after the other. What holds is always the last valid state.
+// change that set or unset refuses is remembered until its key is set again or unset: two keys that
+// depend on each other may be set one after the other. What holds is always the last valid state.
 //   set(path, value)           value: a number, true or false, a name, an array, or typed text
 //   unset(path), reset()
 //   apply(settings)            several at once: { given: {path: value or null}, seed, receivers }
@@ -163,7 +163,7 @@ export class Explorer {
   }
 
   apply({ given = {}, seed, receivers } = {}) {
-    return this.#change(new Map(Object.entries(given)), receivers, seed);
+    return this.#changeAll(new Map(Object.entries(given)), receivers, seed);
   }
 
   setSeed(seed) { return this.#change(new Map(), undefined, seed); }
@@ -177,7 +177,7 @@ export class Explorer {
     if (arms.length !== before)
       for (const path of ["platform.mounting_error_m", "acoustics.slot_order", "receiver.beacon_offset_m"])
         changes.set(path, null);
-    return this.#change(changes);
+    return this.#changeAll(changes);
   }
 
   setPath(points, speed) {
@@ -186,7 +186,7 @@ export class Explorer {
       ...["waypoint_count", "track_time_s", "track_m", "track_count"].map((key) => [`target.${key}`, null]),
     ]);
     if (speed !== undefined) changes.set("target.speed_m_s", speed);
-    return this.#change(changes);
+    return this.#changeAll(changes);
   }
 
   // Changes of keys, with those that wait for others; null unsets a key.
@@ -203,11 +203,23 @@ export class Explorer {
       }
     }
     const waiting = [...this.#pending].filter(([, it]) => it.value !== undefined);
-    const wanted = this.#overridden(new Map(waiting.map(([path, { value }]) => [path, value])));
-    const refused = this.#commit(wanted, receivers.map((it) => it === RAW ? FIX : it), seed);
-    for (const [path, it] of waiting)
-      if (refused === null) this.#pending.delete(path);
-      else if (changes.has(path)) it.message = refused;
+    const own = waiting.filter(([path]) => changes.has(path));
+    const tried = (some) => {
+      const wanted = this.#overridden(new Map(some.map(([path, { value }]) => [path, value])));
+      const refused = this.#commit(wanted, receivers.map((it) => it === RAW ? FIX : it), seed);
+      for (const [path] of refused === null ? some : []) this.#pending.delete(path);
+      return refused;
+    };
+    let refused = tried(waiting);
+    if (refused !== null && own.length < waiting.length) refused = tried(own);
+    if (refused !== null) for (const [, it] of own) it.message = refused;
+    return refused;
+  }
+
+  // As above, of keys that belong together: refused ones are not remembered.
+  #changeAll(changes, receivers, seed) {
+    const refused = this.#change(changes, receivers, seed);
+    if (refused !== null) for (const path of changes.keys()) this.#pending.delete(path);
     return refused;
   }
 

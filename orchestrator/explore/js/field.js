@@ -81,6 +81,12 @@ export class Field {
     this.page.changed();
   }
 
+  // What is refused may be accepted after another key has changed.
+  sync() {
+    const problem = this.page.explorer.problems().find(({ path }) => path === this.path);
+    this.tell(problem?.message ?? null);
+  }
+
   // Refuse what was typed, and say why; it stays to be corrected.
   tell(problem) {
     this.problem.hidden = !problem;
@@ -93,6 +99,7 @@ export class Field {
     const value = page.explorer.value(path), changed = page.changes.has(path);
     this.element.classList.toggle("changed", changed);
     this.back.hidden = !changed;
+    this.sync();
     if (!this.problem.hidden) return;
     if (control.type === "checkbox") control.checked = value === true;
     else {
