@@ -11,6 +11,7 @@ import { $, download, element, put, swatch } from "./dom.js";
 import { Explorer } from "./explorer.js";
 import { drawHistogram } from "./histogram.js";
 import { PathEditor } from "./path.js";
+import { length } from "./phrases.js";
 import { ReceiverChoice } from "./receivers.js";
 import { SettingsList } from "./settings.js";
 import { Changes } from "./changes.js";
@@ -18,11 +19,12 @@ import { showBuy, showVerdict, tell } from "./verdict.js";
 import { Water } from "./water.js";
 
 const RETRIES = 2;
+const NO_FIT = "The link has settings that do not fit this page: ";
 const PAUSE = 80; // ms without a change before many dives start
 
 class Page {
   constructor(explorer, changes, run) {
-    Object.assign(this, { explorer, changes, state: 0, summary: null });
+    Object.assign(this, { explorer, changes, turn: 0, summary: null });
     this.stage = new Stage(run, { title: explorer.title, kind: "total", keys: $("dive") });
     this.fields = makeControls(this);
     this.receivers = new ReceiverChoice(this);
@@ -37,6 +39,7 @@ class Page {
     this.bind();
     this.stage.player.seek(run.stop);
     this.show();
+    this.isComputed();
     this.compute();
   }
 
@@ -72,8 +75,8 @@ class Page {
     await this.explorer.loaded;
     this.explorer.reset();
     const problem = this.explorer.apply(settings);
-    if (problem) this.report(`The link has settings that do not fit this page: ${problem}`);
     this.changed();
+    if (problem) requestAnimationFrame(() => this.report(NO_FIT + problem));
   }
 
   report(sentence) {
@@ -99,9 +102,11 @@ class Page {
     this.waiting = true;
     requestAnimationFrame(() => {
       this.waiting = false;
-      this.state++;
+      this.report(null);
       this.changes.refresh();
       this.show();
+      if (this.isComputed()) return; // refused
+      this.turn++;
       if (this.water.on) this.water.clear();
       put($("so-far"), "…"); // what is shown beside it is of other settings, for a moment
       document.body.classList.add("computing");
@@ -110,6 +115,13 @@ class Page {
       clearTimeout(this.timer);
       this.timer = setTimeout(() => this.compute(), PAUSE);
     });
+  }
+
+  // Whether what is shown is of these settings; from now on it will be.
+  isComputed() {
+    const settings = this.explorer.toml() + this.explorer.command(), same = settings === this.settings;
+    this.settings = settings;
+    return same;
   }
 
   show() {
@@ -135,30 +147,31 @@ class Page {
   // --- Many dives -----------------------------------------------------------------------------------
 
   async compute(again = RETRIES) {
-    const state = this.state, { explorer } = this;
-    const [main] = explorer.receivers;
+    const { explorer } = this, [main] = explorer.receivers;
+    explorer.cancel();
+    const turn = ++this.turn;
     document.body.classList.add("computing");
     showBuy(null);
-    const take = (summary) => { if (summary && state === this.state) this.take(summary, main); };
+    const take = (summary) => { if (summary && turn === this.turn) this.take(summary, main); };
     try {
       const summary = await explorer.dives(Number($("count").value), take);
-      if (!summary || state !== this.state) return;
+      if (!summary || turn !== this.turn) return;
       take(summary);
-      const found = await explorer.causes((part) => this.takeCauses(part, state));
-      if (!found || state !== this.state) return;
-      this.takeCauses(found, state);
+      const found = await explorer.causes((part) => this.takeCauses(part, turn));
+      if (!found || turn !== this.turn) return;
+      this.takeCauses(found, turn);
       showBuy(found, summary.receivers[main].p95);
       tell(summary.receivers[main].p95, main);
       document.body.classList.remove("computing");
     } catch (error) {
-      if (state !== this.state) return;
+      if (turn !== this.turn) return;
       if (again) await this.compute(again - 1); // a worker may end, when memory is short
       else this.report(`The dives could not be computed: ${error.message}`);
     }
   }
 
-  takeCauses(found, state) {
-    if (state !== this.state) return;
+  takeCauses(found, turn) {
+    if (turn !== this.turn) return;
     showCauses(found.causes, found);
     put($("then"), `${found.done} of ${found.n} dives without each cause`);
   }
@@ -168,6 +181,9 @@ class Page {
     const styles = Object.fromEntries(this.stage.run.receivers.map((it) => [it.label, it]));
     showVerdict(summary, styles, main);
     put($("dives-note"), `${summary.done} dives, each with its own waves, noise and losses: seeds ${seedsOf(this.explorer.seed, summary.done)}.`);
+    const { p50, p95 } = summary.receivers[main];
+    $("histogram").setAttribute("aria-label", `Histogram of the errors of ${summary.done} dives with `
+      + `${main}: half within ${length(p50)}, 95 % within ${length(p95)}`);
     this.drawHistogram();
   }
 
@@ -210,7 +226,7 @@ async function start() {
   const problem = settings ? explorer.apply(settings) : null;
   changes.refresh();
   window.page = new Page(explorer, changes, explorer.dive());
-  if (problem) window.page.report(`The link has settings that do not fit this page: ${problem}`);
+  if (problem) window.page.report(NO_FIT + problem);
   document.body.classList.add("ready");
 }
 
