@@ -209,6 +209,7 @@ REFUSED = {
     "time.sampling_time_s": "-1",
     "acoustics.slot_order": "[1, 2, 9, 4]",
     "platform.beacon_m": "[[0, 0, 1], [0, 0, 1]]",
+    "seed": "-1",
 }
 
 
@@ -218,7 +219,8 @@ def test_nonsense_is_refused_beside_its_field_in_the_words_of_a_scenario_file(
     shown = browsing().run(f"""{HELPERS}
       const told = [];
       for (const [path, text] of Object.entries({json.dumps(REFUSED)})) {{
-        const own = found(path), input = own.querySelector("input, select");
+        const own = path === "seed" ? $("seed-field") : found(path);
+        const input = own.querySelector("input, select");
         const toml = page.explorer.toml(), good = input.value;
         const problem = own.querySelector(".refused");
         change(input, text);

@@ -57,6 +57,7 @@ import { Settings } from "./start_values.js";
 import { PERCENTAGES, summaryOf } from "./statistics.js";
 import { Refusal, fileOf, valueOf } from "./values.js";
 
+const SEED = { table: "", key: "seed", kind: "integer", bounds: { least: 0, most: 2 ** 31 - 1 } };
 const CORE = ["target", "platform", "acoustics"], RAW = "raw", FIX = "multilateration";
 const PATH = "path", WAYPOINTS = "waypoints";
 const MOST_INSTANTS = 100_000; // whose record fits into memory
@@ -190,7 +191,14 @@ export class Explorer {
   }
 
   // Changes of keys, with those that wait for others; null unsets a key.
-  #change(changes, receivers = this.receivers, seed = this.#seed) {
+  #change(changes, receivers = this.receivers, wanted = this.#seed) {
+    let seed;
+    try {
+      seed = valueOf(SEED, wanted);
+    } catch (error) {
+      if (!(error instanceof Refusal)) throw error;
+      return error.message.replace("[] ", "");
+    }
     for (const [path, value] of changes) {
       const key = this.byPath.get(path);
       if (!key) return `[${path.split(".")[0]}] has no key '${path.split(".").slice(1).join(".")}'`;

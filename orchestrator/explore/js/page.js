@@ -52,7 +52,7 @@ class Page {
     $("link").addEventListener("click", () => this.copyLink());
     $("download").addEventListener("click", () => download(this.explorer.file, this.explorer.toml()));
     $("count").addEventListener("change", () => this.compute());
-    $("seed").addEventListener("change", () => this.seed($("seed").value));
+    $("seed").addEventListener("change", () => this.seed($("seed").value.trim()));
     $("next-seed").addEventListener("click", () => this.seed(this.explorer.seed + 1));
     document.querySelectorAll('[data-save^="histogram "]').forEach((button) => {
       button.addEventListener("click", () => this.saveHistogram(button.dataset.save.split(" ")[1]));
@@ -62,9 +62,10 @@ class Page {
   }
 
   seed(value) {
-    const problem = this.explorer.setSeed(Number(value));
+    const problem = this.explorer.setSeed(value);
     put($("seed-problem"), problem ?? "");
     $("seed-problem").hidden = !problem;
+    $("seed").setAttribute("aria-invalid", String(Boolean(problem)));
     this.changed();
   }
 
@@ -132,7 +133,7 @@ class Page {
     }
     for (const part of [this.receivers, this.beacons, this.path, this.list]) part.show();
     $("reset-all").hidden = !explorer.link();
-    if (document.activeElement !== $("seed")) $("seed").value = explorer.seed;
+    if ($("seed-problem").hidden) $("seed").value = explorer.seed;
     put($("command"), explorer.command());
     put($("which"), `The dive on this page is that of seed ${explorer.seed}.`);
     this.showLegend();
