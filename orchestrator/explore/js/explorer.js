@@ -58,6 +58,7 @@ import { PERCENTAGES, summaryOf } from "./statistics.js";
 import { Refusal, fileOf, valueOf } from "./values.js";
 
 const CORE = ["target", "platform", "acoustics"], RAW = "raw", FIX = "multilateration";
+const SEED = { path: "seed", table: "", key: "seed", kind: "integer" };
 const PATH = "path", WAYPOINTS = "waypoints";
 const MOST_INSTANTS = 100_000; // whose record fits into memory
 const ALL = "as it is", OFF = "without ", BETTER = "better ", CAUSES = 128, TOTAL = 1;
@@ -191,6 +192,16 @@ export class Explorer {
 
   // Changes of keys, with those that wait for others; null unsets a key.
   #change(changes, receivers = this.receivers, seed = this.#seed) {
+    const types = receivers.map((it) => it === RAW ? FIX : it);
+    const unknown = types.find((it) => !this.#data.types.includes(it));
+    if (unknown !== undefined || !types.length || new Set(types).size < types.length)
+      return `receiver: must be some of ${this.types.join(", ")}, each once, got ` +
+        (receivers.join(", ") || "none");
+    try {
+      seed = valueOf({ ...SEED, bounds: this.#data.rules.seed }, seed);
+    } catch (error) {
+      return error.message;
+    }
     for (const [path, value] of changes) {
       const key = this.byPath.get(path);
       if (!key) return `[${path.split(".")[0]}] has no key '${path.split(".").slice(1).join(".")}'`;
@@ -204,7 +215,7 @@ export class Explorer {
     }
     const waiting = [...this.#pending].filter(([, it]) => it.value !== undefined);
     const wanted = this.#overridden(new Map(waiting.map(([path, { value }]) => [path, value])));
-    const refused = this.#commit(wanted, receivers.map((it) => it === RAW ? FIX : it), seed);
+    const refused = this.#commit(wanted, types, seed);
     for (const [path, it] of waiting)
       if (refused === null) this.#pending.delete(path);
       else if (changes.has(path)) it.message = refused;
