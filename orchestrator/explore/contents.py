@@ -24,7 +24,7 @@ from ..scenario.error_sources import FLOOR, SOURCES, Source
 from ..scenario.filling import DEFAULT_RECEIVER
 from ..scenario.labels import RAW
 from ..scenario.scenario import Scenario
-from ..scenario.schema import CORE_COMPONENTS, TABLES, given_of
+from ..scenario.schema import CORE_COMPONENTS, SEED, TABLES, given_of
 from ..simulation.plans.plan import LAG
 from ..style import LINES, THEMES
 from ..wasm import modules
@@ -178,6 +178,7 @@ def _rules(scenario: Scenario) -> dict[str, Any]:
             }
             for name, it in CONTENTS.items()
         },
+        "seed": {"least": SEED.min, "most": SEED.max},
         "track_points": MOST_POINTS,
         "floor": FLOOR,
         "late": {"key": LATE, "value": _late(scenario)},

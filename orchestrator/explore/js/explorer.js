@@ -57,8 +57,8 @@ import { Settings } from "./start_values.js";
 import { PERCENTAGES, summaryOf } from "./statistics.js";
 import { Refusal, fileOf, valueOf } from "./values.js";
 
-const SEED = { table: "", key: "seed", kind: "integer", bounds: { least: 0, most: 2 ** 31 - 1 } };
 const CORE = ["target", "platform", "acoustics"], RAW = "raw", FIX = "multilateration";
+const SEED = { path: "seed", table: "", key: "seed", kind: "integer" };
 const PATH = "path", WAYPOINTS = "waypoints";
 const MOST_INSTANTS = 100_000; // whose record fits into memory
 const ALL = "as it is", OFF = "without ", BETTER = "better ", CAUSES = 128, TOTAL = 1;
@@ -191,13 +191,16 @@ export class Explorer {
   }
 
   // Changes of keys, with those that wait for others; null unsets a key.
-  #change(changes, receivers = this.receivers, wanted = this.#seed) {
-    let seed;
+  #change(changes, receivers = this.receivers, seed = this.#seed) {
+    const types = receivers.map((it) => it === RAW ? FIX : it);
+    const unknown = types.find((it) => !this.#data.types.includes(it));
+    if (unknown !== undefined || !types.length || new Set(types).size < types.length)
+      return `receiver: must be some of ${this.types.join(", ")}, each once, got ` +
+        (receivers.join(", ") || "none");
     try {
-      seed = valueOf(SEED, wanted);
+      seed = valueOf({ ...SEED, bounds: this.#data.rules.seed }, seed);
     } catch (error) {
-      if (!(error instanceof Refusal)) throw error;
-      return error.message.replace("[] ", "");
+      return error.message;
     }
     for (const [path, value] of changes) {
       const key = this.byPath.get(path);
@@ -214,7 +217,7 @@ export class Explorer {
     const own = waiting.filter(([path]) => changes.has(path));
     const tried = (some) => {
       const wanted = this.#overridden(new Map(some.map(([path, { value }]) => [path, value])));
-      const refused = this.#commit(wanted, receivers.map((it) => it === RAW ? FIX : it), seed);
+      const refused = this.#commit(wanted, types, seed);
       for (const [path] of refused === null ? some : []) this.#pending.delete(path);
       return refused;
     };

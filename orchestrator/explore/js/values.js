@@ -123,7 +123,8 @@ function elements(key, given) {
 }
 
 function refuse(key, must, got, element = "") {
-  throw new Refusal(`[${key.table}] ${key.key}${element}: ${must}, got ${short(toml(got))}`);
+  const where = key.table ? `[${key.table}] ${key.key}` : key.key;
+  throw new Refusal(`${where}${element}: ${must}, got ${short(toml(got))}`);
 }
 
 function either(names) {
