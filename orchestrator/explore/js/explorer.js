@@ -48,7 +48,7 @@
 import { Engine, Pool } from "../../wasm/engine.js";
 import { problemsOf, problemsOfTimes } from "./checks.js";
 import { beaconsOf, filled } from "./filling.js";
-import { nanoseconds, textOf } from "./numbers.js";
+import { brief, nanoseconds, textOf, written } from "./numbers.js";
 import { causesOf, switchesOf } from "./limits.js";
 import { waterOf } from "./places.js";
 import { assembled, countOf, stopOf } from "./plans.js";
@@ -323,7 +323,7 @@ export class Explorer {
   }
 
   // Start values of a component: a function of its label and type.
-  #valuesOf({ values, starts, beacons, told, seed }, own = seed) {
+  #valuesOf({ given, values, starts, beacons, told, seed }, own = seed) {
     const { parts, settings: { copies } } = this.#data.systems[beacons];
     return (label, type) => {
       const found = new Map(), part = parts[type];
@@ -338,14 +338,12 @@ export class Explorer {
         });
         if (!numbers.some(Number.isNaN)) found.set(parameter, numbers.slice(0, size));
         else if (path === undefined) throw unknown(this.#data.keys, part, parameter);
-        if (parameter === "seed" && !this.#given_(path)) found.set(parameter, [own]);
+        if (parameter === "seed" && !given.has(path)) found.set(parameter, [own]);
       }
       if (told && part.parameters.prior_velocity) found.set("prior_velocity", [0, 0, 0]);
       return found;
     };
   }
-
-  #given_(path) { return path !== undefined && this.#given.has(path); }
 
   // Communication intervals by label, and the stop of a run [ns].
   #timesOf(state, seed) {
@@ -359,8 +357,8 @@ export class Explorer {
     const all = Object.values(interval), asked = values.get("time.duration_s");
     const { common } = stopOf(all, 0n);
     if (asked !== PATH && nanoseconds(asked) < common)
-      throw refusal("time.duration_s", `[time] duration_s: must be at least ${Number(common) / 1e9} s, the ` +
-        `least common multiple of all intervals, got ${asked}`);
+      throw refusal("time.duration_s", `[time] duration_s: must be at least ${brief(Number(common) / 1e9)} s, ` +
+        `the least common multiple of all intervals, got ${written(asked)}`);
     const duration = asked === PATH ? this.#pathDuration(state, interval.target, seed) : nanoseconds(asked);
     if (duration < common)
       throw refusal("time.duration_s", "system: the run must be at least as long as the least common " +
@@ -418,7 +416,8 @@ export class Explorer {
 
   command() {
     const chosen = this.#receivers.map((it) => ` --receiver ${it}`).join("");
-    return `sblcosim run ${this.file}${chosen}`;
+    const file = /^[\w.-]+$/.test(this.file) ? this.file : `'${this.file.replaceAll("'", "'\\''")}'`;
+    return `sblcosim run ${file}${chosen}`;
   }
 
   link() {
