@@ -191,6 +191,23 @@ def test_what_contradicts_is_refused_in_the_same_words(
     assert refused > 0.2 * count
 
 
+ENDS = (
+    {"time.duration_s": 0.5}, {"target.speed_m_s": 0.0}, {"time.ekf_ratio": 1000},
+    {"target.trajectory": "white_noise_acceleration"},
+)
+"""Keys with which a run has no end, or ends too early."""
+
+
+def test_the_end_of_a_run_is_refused_in_the_same_words(
+    told: Mapping[str, Any], tmp_path: Path
+) -> None:
+    jobs = [{"settings": {"given": as_typed(it)}} for it in ENDS]
+    for given, answer in zip(ENDS, answers(told, jobs, tmp_path), strict=True):
+        expected = in_python(given, ("coupled",))
+        assert isinstance(expected, str)
+        assert plain(answer["refused"], NAME) == plain(expected, NAME)
+
+
 FEW = ("abc", "-1e6", "1e30", "2.5", "[1, 2]")
 NONSENSE = (*FEW, "nan", "inf", "true", '["a"]', "7", "-3")
 

@@ -48,20 +48,20 @@
 import { Engine, Pool } from "../../wasm/engine.js";
 import { problemsOf, problemsOfTimes } from "./checks.js";
 import { beaconsOf, filled } from "./filling.js";
-import { nanoseconds, textOf } from "./numbers.js";
-import { FEW_DRAWS, isClear, sharesOf, switchesOf } from "./limits.js";
-import { SETTLING, RUNS, circling, lengthsOf, withinOf } from "./places.js";
+import { brief, nanoseconds, textOf, written } from "./numbers.js";
+import { causesOf, switchesOf } from "./limits.js";
+import { waterOf } from "./places.js";
 import { assembled, countOf, stopOf } from "./plans.js";
 import { isDrawn, runOf } from "./record.js";
 import { Settings } from "./start_values.js";
-import { PERCENTAGES, summaryOf } from "./statistics.js";
+import { PERCENTAGES, lengthsOf, summaryOf } from "./statistics.js";
 import { Refusal, fileOf, valueOf } from "./values.js";
 
 const CORE = ["target", "platform", "acoustics"], RAW = "raw", FIX = "multilateration";
 const SEED = { path: "seed", table: "", key: "seed", kind: "integer" };
 const PATH = "path", WAYPOINTS = "waypoints";
 const MOST_INSTANTS = 100_000; // whose record fits into memory
-const ALL = "as it is", OFF = "without ", BETTER = "better ", CAUSES = 128, TOTAL = 1;
+const CAUSES = 128, TOTAL = 1; // dives without each cause; the length of an error: see LENGTHS
 const PART = 32; // dives that a worker does before it shows them
 
 // Bytes of a module, from its text.
@@ -335,7 +335,7 @@ export class Explorer {
   }
 
   // Start values of a component: a function of its label and type.
-  #valuesOf({ values, starts, beacons, told, seed }, own = seed) {
+  #valuesOf({ given, values, starts, beacons, told, seed }, own = seed) {
     const { parts, settings: { copies } } = this.#data.systems[beacons];
     return (label, type) => {
       const found = new Map(), part = parts[type];
@@ -350,14 +350,12 @@ export class Explorer {
         });
         if (!numbers.some(Number.isNaN)) found.set(parameter, numbers.slice(0, size));
         else if (path === undefined) throw unknown(this.#data.keys, part, parameter);
-        if (parameter === "seed" && !this.#given_(path)) found.set(parameter, [own]);
+        if (parameter === "seed" && !given.has(path)) found.set(parameter, [own]);
       }
       if (told && part.parameters.prior_velocity) found.set("prior_velocity", [0, 0, 0]);
       return found;
     };
   }
-
-  #given_(path) { return path !== undefined && this.#given.has(path); }
 
   // Communication intervals by label, and the stop of a run [ns].
   #timesOf(state, seed) {
@@ -371,8 +369,8 @@ export class Explorer {
     const all = Object.values(interval), asked = values.get("time.duration_s");
     const { common } = stopOf(all, 0n);
     if (asked !== PATH && nanoseconds(asked) < common)
-      throw refusal("time.duration_s", `[time] duration_s: must be at least ${Number(common) / 1e9} s, the ` +
-        `least common multiple of all intervals, got ${asked}`);
+      throw refusal("time.duration_s", `[time] duration_s: must be at least ${brief(Number(common) / 1e9)} s, ` +
+        `the least common multiple of all intervals, got ${written(asked)}`);
     const duration = asked === PATH ? this.#pathDuration(state, interval.target, seed) : nanoseconds(asked);
     if (duration < common)
       throw refusal("time.duration_s", "system: the run must be at least as long as the least common " +
@@ -430,7 +428,8 @@ export class Explorer {
 
   command() {
     const chosen = this.#receivers.map((it) => ` --receiver ${it}`).join("");
-    return `sblcosim run ${this.file}${chosen}`;
+    const file = /^[\w.-]+$/.test(this.file) ? this.file : `'${this.file.replaceAll("'", "'\\''")}'`;
+    return `sblcosim run ${file}${chosen}`;
   }
 
   link() {
@@ -540,53 +539,28 @@ export class Explorer {
 
   /** What limits the first receiver; see the head of this file. */
   async causes(onPart = () => {}, count = CAUSES) {
-    const state = this.#state, label = state.chosen[0].label;
-    const { switches } = this;
-    const variants = { [ALL]: {} };
-    for (const { name, off, better } of switches) {
-      variants[`${OFF}${name}`] = off;
-      if (better) variants[`${BETTER}${name}`] = better.changes;
-    }
-    const plans = {};
-    for (const [name, changes] of Object.entries(variants)) {
-      await new Promise((done) => setTimeout(done));
-      if (state !== this.#state) return null;
-      const own = this.#variant(state, changes, state.chosen.slice(0, 1));
-      if (own) plans[name] = this.#plan(own);
-    }
-    const lengths = Object.fromEntries(Object.keys(plans).map((name) => [name, []]));
-    const { lengths: kinds } = this.#engines.get(state.beacons);
-    for (let first = 0; first < count; first += PART) {
-      const seeds = Array.from({ length: Math.min(PART, count - first) }, (_, i) => state.seed + first + i);
-      const found = await Promise.all(Object.entries(plans).map(async ([name, plan]) =>
-        [name, await this.#part(state, name, plan, seeds, first === 0)]));
-      if (state !== this.#state || found.some(([, it]) => it === null)) return null;
-      for (const [name, { order }] of found)
-        for (let run = 0; run < seeds.length; run++)
-          lengths[name].push(lengthsOf(order[label], run, TOTAL, kinds.length));
-      const done = first + seeds.length, isLast = done === count;
-      const result = this.#limits(switches, lengths, label, state.seed, isLast ? undefined : FEW_DRAWS);
-      if (isLast) return { n: count, done, ...result };
-      onPart({ n: count, done, ...result });
-    }
-    return null;
+    return causesOf(this.#laboratory(), this.switches, count, onPart);
   }
 
-  #limits(switches, { [ALL]: whole, ...others }, receiver, seed, draws) {
-    const { within, shares } = sharesOf(whole, others, seed, draws);
-    const several = switches.filter(({ better }) => better).length;
-    const causes = switches.flatMap(({ name, words, better }) => {
-      const off = shares[`${OFF}${name}`], own = better && shares[`${BETTER}${name}`];
-      if (!off || !Number.isFinite(off.share)) return [];
-      return [{
-        name, words, share: off.share, interval: off.interval,
-        better: own && Number.isFinite(own.share) ? {
-          words: better.words, gain: own.share, interval: own.interval, clear: isClear(own, several),
-        } : null,
-      }];
-    }).sort((a, b) => b.share - a.share);
-    const [first] = causes.filter((it) => it.better?.clear).sort((a, b) => b.better.gain - a.better.gain);
-    return { receiver, within, causes, first: first?.name ?? null };
+  /** 95 % error of the first receiver by place, as of `sblcosim map`; see the head of this file. */
+  async water(grid, onPart = () => {}) { return waterOf(this.#laboratory(), grid, onPart); }
+
+  // What dives of the first receiver need, as long as the state holds.
+  #laboratory() {
+    const state = this.#state, [{ label }] = state.chosen, { lengths } = this.#engines.get(state.beacons);
+    return {
+      state, label, holds: () => state === this.#state,
+      plan: (changes, options) => {
+        const own = this.#variant(state, changes, state.chosen.slice(0, 1));
+        return own && this.#plan(own, options);
+      },
+      width: async () => (await this.#pool(state.beacons))?.workers.length ?? 1,
+      // The percentages of the errors of each dive [m]; null if the state no longer holds.
+      lengths: async (name, plan, seeds, isNew) => {
+        const found = await this.#part(state, name, plan, seeds, isNew);
+        return found && seeds.map((_, run) => lengthsOf(found.order[label], run, TOTAL, lengths.length));
+      },
+    };
   }
 
   // A state with other keys; null if they contradict each other.
@@ -609,54 +583,11 @@ export class Explorer {
     return state === this.#state ? engine.run(plan, seeds, PERCENTAGES) : null;
   }
 
-  /**
-   * 95 % error of the first receiver by place, as of `sblcosim map`.
-   *
-   * grid: { north, east, size, depth } [m]; returns { ...grid, values (row by row of north), n, done }.
-   */
-  async water(grid, onPart = () => {}) {
-    const state = this.#state, [{ label }] = state.chosen, { north, east, depth } = grid;
-    const circle = this.#variant(state, circling(state, depth), state.chosen.slice(0, 1));
-    if (!circle) return null;
-    const places = north.flatMap((n) => east.map((e) => [n, e])), cells = places.map(() => []);
-    const { lengths } = this.#engines.get(state.beacons);
-    const result = (done) => ({
-      ...grid, n: places.length, done, values: withinOf(cells, north.length, east.length),
-    });
-    const pool = await this.#pool(state.beacons), width = pool ? 2 * pool.workers.length : 1;
-    const order = shuffled(places.length);
-    for (let first = 0; first < order.length; first += width) {
-      const found = await Promise.all(order.slice(first, first + width).map(async (cell, slot) => {
-        const plan = this.#plan(circle, { settling: SETTLING });
-        plan.set("target.center", places[cell]);
-        plan.set("target.heading", [2 * Math.PI * ((cell * 0.618034) % 1)]);
-        const seeds = Array.from({ length: RUNS }, (_, i) => state.seed + i * places.length + cell);
-        return [cell, await this.#part(state, `water ${slot}`, plan, seeds, true)];
-      }));
-      if (state !== this.#state || found.some(([, it]) => it === null)) return null;
-      for (const [cell, { order: of }] of found)
-        for (let run = 0; run < RUNS; run++)
-          cells[cell].push(...lengthsOf(of[label], run, TOTAL, lengths.length));
-      if (first + width < order.length && first % (4 * width) === 0) onPart(result(first + width));
-    }
-    return result(places.length);
-  }
-
   possible() { return null; }
 
   /** Stop: results of what runs now are never delivered. */
   cancel() { if (this.#state) this.#state = { ...this.#state }; }
 }
-
-// Numbers below n in an order that covers all of them evenly.
-function shuffled(n) {
-  const step = [7, 11, 13, 17, 19, 23].find((it) => n % it) ?? 1;
-  const size = Math.max(Math.round(n * 0.382 / step) * step + 1, 1);
-  const prime = Array.from({ length: n }, (_, i) => size + i).find((it) => coprime(it, n)) ?? 1;
-  return Array.from({ length: n }, (_, i) => (i * prime) % n);
-}
-
-const coprime = (a, b) => (b ? coprime(b, a % b) : a === 1);
 
 function refusal(path, message) {
   return Object.assign(new Refusal(message), { path });

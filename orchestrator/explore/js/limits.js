@@ -3,7 +3,9 @@
 
 import { chiSquareBeyond } from "./distributions.js";
 
-const DRAWS = 1000, SHARE = 0.95;
+const ALL = "as it is", OFF = "without ", BETTER = "better ";
+const PART = 32; // dives with each switch before they are shown
+const DRAWS = 1000, FEW_DRAWS = 100, SHARE = 0.95;
 const BITS = ["acoustics.packet_resolution_m", "acoustics.packet_angle_resolution_deg"];
 
 // --- Switches ------------------------------------------------------------------------------------
@@ -64,16 +66,65 @@ function hasEffect(data, values, path) {
   }));
 }
 
-// --- Shares --------------------------------------------------------------------------------------
+// --- Causes --------------------------------------------------------------------------------------
 
 /**
- * What goes away of the 95 % error, with intervals by drawing dives again.
+ * What limits a receiver; lab: see `explorer.js`. Null if the state no longer holds.
  *
- * whole: ten percentiles of each dive as it is; others: of the same dives, by name; seed, draws: of
- * the drawing.
- * Returns { within, shares: { name: { share, interval, spread } } }.
+ * switches: from `switchesOf`; count: of dives with each of them; onPart: called with what is known.
  */
-export function sharesOf(whole, others, seed, draws = DRAWS) {
+export async function causesOf(lab, switches, count, onPart) {
+  const plans = {};
+  const add = async (name, changes) => {
+    await new Promise((done) => setTimeout(done));
+    const plan = lab.holds() && lab.plan(changes);
+    if (plan) plans[name] = plan;
+  };
+  await add(ALL, {});
+  for (const { name, off, better } of switches) {
+    await add(`${OFF}${name}`, off);
+    if (better) await add(`${BETTER}${name}`, better.changes);
+  }
+  const lengths = Object.fromEntries(Object.keys(plans).map((name) => [name, []]));
+  for (let first = 0; first < count && lab.holds(); first += PART) {
+    const size = Math.min(PART, count - first), done = first + size;
+    const seeds = Array.from({ length: size }, (_, i) => lab.state.seed + first + i);
+    const found = await Promise.all(Object.entries(plans).map(async ([name, plan]) =>
+      [name, await lab.lengths(name, plan, seeds, first === 0)]));
+    if (found.some(([, own]) => !own) || !lab.holds()) return null;
+    for (const [name, own] of found) lengths[name].push(...own);
+    const draws = done === count ? DRAWS : FEW_DRAWS;
+    const result = { n: count, done, receiver: lab.label, ...limitsOf(switches, lengths, lab.state.seed, draws) };
+    if (done === count) return result;
+    onPart(result);
+  }
+  return null;
+}
+
+function limitsOf(switches, { [ALL]: whole, ...others }, seed, draws) {
+  const { within, shares } = sharesOf(whole, others, seed, draws);
+  const several = switches.filter(({ better }) => better).length;
+  const causes = switches.flatMap(({ name, words, better }) => {
+    const off = shares[`${OFF}${name}`], own = better && shares[`${BETTER}${name}`];
+    if (!off || !Number.isFinite(off.share)) return [];
+    return [{
+      name, words, share: off.share, interval: off.interval,
+      better: own && Number.isFinite(own.share) ? {
+        words: better.words, gain: own.share, interval: own.interval, clear: isClear(own, several),
+      } : null,
+    }];
+  }).sort((a, b) => b.share - a.share);
+  const [first] = causes.filter((it) => it.better?.clear).sort((a, b) => b.better.gain - a.better.gain);
+  return { within, causes, first: first?.name ?? null };
+}
+
+// --- Shares --------------------------------------------------------------------------------------
+
+// What goes away of the 95 % error, with intervals by drawing dives again.
+//
+// whole: ten percentiles of each dive as it is; others: of the same dives, by name; seed, draws: of
+// the drawing. Returns { within, shares: { name: { share, interval, spread } } }.
+function sharesOf(whole, others, seed, draws) {
   const all = sorted(whole), within = percentile(all, null);
   const rest = Object.entries(others).map(([name, lengths]) => [name, sorted(lengths), []]);
   const random = generator(seed), count = whole.length, weights = new Float64Array(count);
@@ -95,11 +146,8 @@ export function sharesOf(whole, others, seed, draws = DRAWS) {
   };
 }
 
-/** Draws while dives are still being done. */
-export const FEW_DRAWS = 100;
-
-/** Whether the largest of several gains is clear of chance, whichever it is (Bonferroni). */
-export const isClear = ({ share, spread }, several) =>
+// Whether the largest of several gains is clear of chance, whichever it is (Bonferroni).
+const isClear = ({ share, spread }, several) =>
   share > Math.sqrt(chiSquareBeyond(0.05 / Math.max(several, 1))) * spread;
 
 // Errors of all dives in increasing order, each with its dive.

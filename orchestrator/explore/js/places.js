@@ -1,17 +1,49 @@
 // Errors by place: dives that circle in the cells of an area, as those of `sblcosim map`.
 
-import { PERCENTAGES } from "./statistics.js";
-
 const RADIUS = 3, DURATION = 60, MOST_TURNS = 1000, REACH = 2, SHARE = 0.95;
 const NOISE = ["depth_std_m", "depth_bias_m", "depth_bias_std_m", "sampling_time_s", "seed", "stream",
   "interval_s"];
-/** Time from which errors count [ns]. */
-export const SETTLING = 20_000_000_000n;
-/** Dives in each cell. */
-export const RUNS = 10;
+const SETTLING = 20_000_000_000n; // errors count from here [ns]
+const RUNS = 10; // dives in each cell
 
-/** Keys that let the diver of a state circle about the origin at a depth [m]; null unsets one. */
-export function circling({ given, values }, depth) {
+/**
+ * Errors in the cells of a grid; lab: see `explorer.js`. Null if the state no longer holds.
+ */
+export async function waterOf(lab, grid, onPart) {
+  const { north, east, depth } = grid, places = north.flatMap((n) => east.map((e) => [n, e]));
+  const changes = circling(lab.state, depth), cells = places.map(() => []);
+  if (!lab.plan(changes)) return null;
+  const result = (done) => ({
+    ...grid, n: places.length, done, values: withinOf(cells, north.length, east.length),
+  });
+  const order = shuffled(places.length), width = 2 * await lab.width();
+  for (let first = 0; first < order.length; first += width) {
+    const found = await Promise.all(order.slice(first, first + width).map(async (cell, slot) => {
+      const plan = lab.plan(changes, { settling: SETTLING });
+      plan.set("target.center", places[cell]);
+      plan.set("target.heading", [2 * Math.PI * ((cell * 0.618034) % 1)]);
+      const seeds = Array.from({ length: RUNS }, (_, i) => lab.state.seed + i * places.length + cell);
+      return [cell, await lab.lengths(`water ${slot}`, plan, seeds, true)];
+    }));
+    if (found.some(([, lengths]) => !lengths) || !lab.holds()) return null;
+    for (const [cell, lengths] of found) cells[cell] = lengths.flatMap((it) => [...it]);
+    if (first + width < order.length && first % (4 * width) === 0) onPart(result(first + width));
+  }
+  return result(places.length);
+}
+
+// Numbers below n in an order that covers all of them evenly.
+function shuffled(n) {
+  const step = [7, 11, 13, 17, 19, 23].find((it) => n % it) ?? 1;
+  const size = Math.max(Math.round(n * 0.382 / step) * step + 1, 1);
+  const prime = Array.from({ length: n }, (_, i) => size + i).find((it) => coprime(it, n)) ?? 1;
+  return Array.from({ length: n }, (_, i) => (i * prime) % n);
+}
+
+const coprime = (a, b) => (b ? coprime(b, a % b) : a === 1);
+
+// Keys that let the diver of a state circle about the origin at a depth [m]; null unsets one.
+function circling({ given, values }, depth) {
   const speed = values.get("target.speed_m_s") || 0.3;
   const turns = speed * DURATION / (2 * Math.PI * RADIUS), changes = {};
   for (const path of given.keys())
@@ -23,17 +55,9 @@ export function circling({ given, values }, depth) {
   };
 }
 
-/** The percentages of the errors of one dive [m], from results of `Engine.run`. */
-export function lengthsOf(order, run, length, lengths) {
-  const from = (run * lengths + length) * PERCENTAGES.length;
-  return order.slice(from, from + PERCENTAGES.length);
-}
-
-/**
- * Radius that holds 95 % of the errors in each cell and its neighbours [m], row by row; NaN where no
- * dive is known. cells: of each cell, the errors of its dives in increasing or any order.
- */
-export function withinOf(cells, rows, columns) {
+// Radius that holds 95 % of the errors in each cell and its neighbours [m], row by row; NaN where no
+// dive is known. cells: of each cell, the errors of its dives.
+function withinOf(cells, rows, columns) {
   return Float64Array.from(cells, (_, at) => {
     if (!cells[at].length) return NaN;
     const row = Math.floor(at / columns), column = at % columns, all = [];

@@ -48,6 +48,12 @@ export function summaryOf(names, sums, order, duration) {
   };
 }
 
+/** The percentages of one kind of length of the errors of a run [m], from `order` of `Engine.run`. */
+export function lengthsOf(order, run, length, lengths) {
+  const from = (run * lengths + length) * PERCENTAGES.length;
+  return order.slice(from, from + PERCENTAGES.length);
+}
+
 // --- Percentiles over runs -----------------------------------------------------------------------
 
 /** Radius that holds a share of the errors of all runs [m]; see `orchestrator/judge/pooling.py`. */
