@@ -21,8 +21,10 @@ from browser import BROWSER, Tab
 from quick import few
 from sblcosim import Result, style
 from sblcosim.cli import app
+from sblcosim.explore.contents import refuse
 from sblcosim.judge.definitions import of_position
 from sblcosim.scenario.labels import FIXES
+from sblcosim.scenario.scenario import load
 from sblcosim.study import store
 from sblcosim.web.page import write
 from sblcosim.web.playback import Playback, PlayedReceiver
@@ -579,6 +581,9 @@ def test_the_report_of_a_study_says_how_to_play_its_worst_run(
     browsing(tmp_path / "worst" / "replay.html")
     errors = pd.read_csv("worst/errors.csv").set_index(["receiver", "frame", "axis"])
     assert errors.rms_m["ekf", "absolute", "total"] == pytest.approx(largest, rel=1e-12)
+    run = command[1].split()[2]
+    assert f"sblcosim explore runs/{run}/scenario.toml" in report
+    refuse(load(tmp_path / "worst" / "scenario.toml"))  # a page may have it
 
 
 def test_of_many_runs_the_typical_and_the_worst_one_can_be_played(
