@@ -497,7 +497,8 @@ def test_memory_is_flat_over_a_hundred_thousand_dives(
         capture_output=True,
     )  # fmt: skip
     sizes = json.loads(done.stdout)
-    assert max(sizes[-5:]) - max(sizes[5:10]) < 1_000_000
+    # What is left of a round is freed at some time: the least of several is what stays.
+    assert min(sizes[-10:]) - min(sizes[5:15]) < 1_000_000
 
 
 @pytest.mark.slow
