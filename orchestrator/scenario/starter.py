@@ -22,7 +22,7 @@ from .overrides import Changes
 from .reading import relative
 from .scenario import Scenario, load
 from .schema import COMMON, FILES, TRUE, Table, rows, toml
-from .tracks import POINT_KEYS, TOLERANCE
+from .tracks import FOLLOWERS, TOLERANCE
 
 _EXAMPLES: Mapping[str, Any] = {
     "fmu": "other.fmu",
@@ -127,9 +127,12 @@ def _in_use(scenario: Scenario, asked: Collection[str]) -> Tables:
     for table, key in (it.split(".") for it in asked):
         tables[table].setdefault(key, getattr(getattr(scenario, table), key))
     if scenario.recorded:
-        target = {k: v for k, v in tables["target"].items() if k not in POINT_KEYS}
+        files = {
+            name: {k: v for k, v in tables[name].items() if k not in FOLLOWERS[name].point_keys}
+            | {**keys} for name, keys in scenario.recorded.items()
+        }
         for place in ({}, tables["place"]):
-            as_file = {**tables, "target": {**target, **scenario.recorded}, "place": place}
+            as_file = {**tables, **files, "place": place}
             if _is(scenario, as_file):
                 return as_file
     return tables
