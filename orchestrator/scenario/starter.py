@@ -44,6 +44,7 @@ _EXAMPLES: Mapping[str, Any] = {
     "track_tolerance_m": TOLERANCE,
     "track_time_s": (0.0, 60.0),
     "track_m": ((0.0, 10.0, 5.0), (10.0, 10.0, 5.0)),
+    "track_heading_deg": (0.0, 90.0),
     "latitude_deg": 42.5,
     "longitude_deg": 14.2,
 }
@@ -214,8 +215,9 @@ def _governed(table: Table, key: str, given: Collection[str]) -> str:
 def _example(key: str, annotation: Any, variable: Variable | None) -> Any:
     if key in _EXAMPLES:
         value = _EXAMPLES[key]
-        nested = variable is not None and len(variable.shape) == 2
-        return tuple(x for row in value for x in row) if nested else value
+        if variable is None or len(variable.shape) != 2:
+            return value
+        return tuple(x for row in value for x in row[: variable.shape[1]])
     if variable is not None:
         component = next(c for c in COMPONENTS.values() if variable in c.variables)
         return default(component, variable)
