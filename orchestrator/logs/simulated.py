@@ -11,6 +11,7 @@ from ..data import samples, truth
 from ..data.estimates import Flags, Floats, Integers
 from ..data.record import Record, epochs_ns
 from ..errors import ConfigurationError
+from .columns import KINDS
 from .log import Log, Receptions
 from .meta import Meta, OriginTable
 
@@ -24,10 +25,15 @@ _ALL, _ARRIVAL = "acoustics.packet_beacon_position", "acoustics.arrival_epoch"
 
 
 def of_record(record: Record, *, name: str, title: str = "", sound_speed: float = 1500.0,
-              origin: Origin | None = None) -> Log:
+              origin: Origin | None = None, kind: str = KINDS[0]) -> Log:
     """The log of a run, with its truth; names of beacons are 1, 2, ….
 
     Of several packets of a beacon between two instants, the last counts, as for a receiver.
+
+    Parameters
+    ----------
+    kind
+        How its ranges were measured, of `sblcosim.logs.columns.KINDS`.
 
     Raises
     ------
@@ -55,6 +61,7 @@ def of_record(record: Record, *, name: str, title: str = "", sound_speed: float 
         arrival_ns=_arrivals(record, instant, beacon),
         epoch_ns=epochs_ns(time_ns, of_packet("acoustics.range_epoch")),
         beacon=beacon,
+        kind=np.full(len(instant), KINDS.index(kind)),
         range=of_packet("acoustics.range"),
         beacon_position=of_packet("acoustics.ping_beacon_position"),
         has_pose=posed, platform_position=place, platform_attitude=turn,
@@ -62,6 +69,7 @@ def of_record(record: Record, *, name: str, title: str = "", sound_speed: float 
         else np.zeros((len(instant), count.shape[1], 3)),
         line=np.zeros(len(instant), np.int64),
     )
+    heard = heard.chosen(np.argsort(heard.arrival_ns, kind="stable"))
     known = None if origin is None else OriginTable(
         latitude_deg=origin.latitude_deg, longitude_deg=origin.longitude_deg,
         height_m=origin.height_m,

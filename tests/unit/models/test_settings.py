@@ -120,8 +120,8 @@ def _of_model(t: Tables) -> Any:
 
 def _turning(t: Tables) -> Any:
     """Without a track, and on one of three points."""
-    track = {"track_count": 3, "track_time_s": (0.0, 5.0, 9.0), "track_heading_deg": (0.0, 9.0, 8.0),
-             "track_m": (0.0, 0.0, 4.0, 1.0, 5.0, 3.0)}
+    track = {"track_count": 3, "track_time_s": (0.0, 5.0, 9.0),
+             "track_heading_deg": (0.0, 9.0, 8.0), "track_m": (0.0, 0.0, 4.0, 1.0, 5.0, 3.0)}
     own = t.platform.boat_speed_m_s, 3.0
     return [
         boat.turning(SimpleNamespace(**{**vars(t.platform), **it}),
