@@ -535,11 +535,11 @@ def _wavering(platform: Any) -> dict[str, Any]:
                        "platform_velocity_time_s")
     parts = of_waves(platform)[0], of_mooring(platform)
     rate = total(it[1] for it in parts)
-    # One process for waves and drift: it spreads as fast as both together.
-    spread = total(sqrt(place * rate) for place, rate in parts)
+    # One process for waves and drift: the noises that change their velocities, 2 σ²/τ, add.
+    changes = total(it[1] * ratio(1.0, sqrt(ratio(*it))) for it in parts)
     return {
         "platform_velocity_std_m_s": sqrt(rate / 2),
-        **_known("platform_velocity_time_s", rate > 0, ratio(spread, rate)),
+        **_known("platform_velocity_time_s", rate > 0, ratio(rate, changes)),
     }
 
 

@@ -114,7 +114,7 @@ def drawn(beacons: int, numbers: random.Random) -> Settings:
     if found.target.trajectory == "file":
         found.target.trajectory = "waypoints"
     found.target.waypoint_count = numbers.randint(2, 64)
-    found.platform.track_count = float(numbers.random() < 0.05)  # of its points the module has one
+    found.platform.track_count = int(numbers.random() < 0.05)  # of its points the module has one
     if numbers.random() < 0.7:
         found.acoustics.surface_echo_probability = found.acoustics.bottom_echo_probability = 0.0
     known = {v.key: v for r in RECEIVERS for v in component(r, beacons).of("parameter")}
