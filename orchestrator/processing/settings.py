@@ -133,11 +133,6 @@ def settled(
     slots = int(min(max(len(log.beacons), BEACONS.least), BEACONS.most))
     own = scenario is None and log.scenario is not None
     simulated = own and log.meta.start_ns is not None
-    if SIGNED in log.kinds and not own and scenario is None:
-        raise ConfigurationError(
-            f"{shortened(log.called)}: must come with a scenario, as its differences of arrivals "
-            "do not tell where receivers can start"
-        )
     straight = None if simulated or SIGNED in log.kinds else _lines(log)
     alike = _alike(log, straight) if straight is not None and arrangement == "fixed" else 1.0
     if straight is not None and straight.early.any():
@@ -151,14 +146,11 @@ def settled(
             raise ConfigurationError(
                 f"{given.name}: must have as many beacons as the log, {slots}, got {given.beacons}"
             )
-        if SIGNED in log.kinds and has_clock(given.acoustics):
-            raise ConfigurationError(
-                f"{given.name}: must have acoustics.ranging = 'inverted' and common_clock = false, "
-                f"as {log.name} has differences of arrivals"
-            )
+        _check_differences(log, given)
         if simulated and interval_s is None:
             step_ns = nanoseconds(given.receiver.update_interval_s)
     else:
+        _check_differences(log, None)
         std = max(scatter, _LEAST_STD)
         offset = straight.offset if straight is not None else 0.0
         made = rough(log, arrangement, slots, std, step_ns, origin, _TIMES_OFFSET * offset)
@@ -175,6 +167,22 @@ def settled(
         _made_up(log, origin) if made_up else None,
         alike,
     )
+
+
+def _check_differences(log: Log, given: Scenario | None) -> None:
+    """Refuse differences of arrivals without a scenario that has them."""
+    if SIGNED not in log.kinds:
+        return
+    if given is None:
+        raise ConfigurationError(
+            f"{shortened(log.called)}: must come with a scenario, as its differences of arrivals "
+            "do not tell where receivers can start"
+        )
+    if has_clock(given.acoustics):
+        raise ConfigurationError(
+            f"{given.name}: must have acoustics.ranging = 'inverted' and common_clock = false, as "
+            f"{log.name} has differences of arrivals"
+        )
 
 
 def _check_ticks(log: Log, step_ns: int) -> None:
