@@ -108,7 +108,7 @@ def _ranging(log: Log, base: Scenario, given: bool) -> Scenario:
             f"log: must have ranges of one kind, or come with a scenario that has the ranging of "
             f"the device, got {percent(share)} {OF_RANGING[ranging]} ranges in {log.name}"
         )
-    return base.override({"acoustics.ranging": ranging}) if share == 1 else base
+    return base.override({"acoustics.ranging": ranging}.items()) if share == 1 else base
 
 
 def _named(log: Log) -> list[str]:

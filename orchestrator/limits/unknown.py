@@ -86,7 +86,8 @@ def _beside(platform: Any, position: Floats, since_s: Floats) -> Floats:
     if not follows("platform", platform):
         course = np.deg2rad(platform.boat_course_deg)
         way = platform.boat_speed_m_s * np.array([cos(course), sin(course), 0.0])
-        return position - since_s[:, None] * way
+        straight: Floats = position - since_s[:, None] * way
+        return straight
     used = slice(platform.track_count)
     track = np.reshape(platform.track_m, (-1, 2))
     turned = np.deg2rad(platform.track_heading_deg or np.zeros(len(track)))

@@ -69,7 +69,7 @@ class Receptions:
     def __len__(self) -> int:
         return len(self.range)
 
-    def chosen(self, which: Flags) -> Self:
+    def chosen(self, which: Flags | NDArray[np.intp]) -> Self:
         """The selected packets."""
         return type(self)(**{f.name: getattr(self, f.name)[which] for f in fields(self)})
 

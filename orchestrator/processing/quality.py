@@ -165,7 +165,7 @@ def _middles(heard: Receptions) -> Floats:
     _, ping = np.unique(heard.epoch_ns, return_inverse=True)
     count = np.bincount(ping)[ping, None]
     own = np.column_stack([np.bincount(ping, axis)[ping] for axis in heard.beacon_position.T])
-    whole = heard.packet.any(axis=(1, 2))[:, None]
+    whole = np.abs(heard.packet).max(axis=(1, 2), initial=0.0)[:, None] > 0
     return np.where(whole, heard.packet.mean(axis=1), own / count)
 
 
