@@ -23,8 +23,7 @@ from sblcosim.fmus.files import write_sealed
 from sblcosim.fmus.platforms import PLATFORMS
 from sblcosim.identification import innovations
 from sblcosim.models import COMPONENTS, file_name
-from sblcosim.models.target.variables import TRACK_POINTS
-from sblcosim.scenario.tracks import CAPACITIES
+from sblcosim.scenario.tracks import FOLLOWERS
 from sblcosim.simulation.masters import c_libraries, lanes_driver, native, replay
 
 ROOT = Path(__file__).parents[1]
@@ -42,7 +41,10 @@ TAGS = {
 def fmus(all_platforms: bool = True, versions: Iterable[int] = (2, 3)) -> dict[str, Path]:
     """All our FMUs, built, by their place among the ready-made files."""
     made: list[tuple[str, dict[str, int]]] = [(name, {}) for name in COMPONENTS]
-    made += [("target", {TRACK_POINTS.name: points}) for points in CAPACITIES[1:]]
+    made += [
+        (name, {it.constant.name: points})
+        for name, it in FOLLOWERS.items() for points in it.capacities[1:]
+    ]
     wanted = [
         factory.Wanted(name, fmi, all_platforms, constants=constants)
         for fmi in versions

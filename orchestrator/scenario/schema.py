@@ -243,6 +243,24 @@ COMMON: Mapping[str, Any] = {
 }
 
 
+def _track(use: str) -> dict[str, Any]:
+    """The keys of a table from which the points of a recorded track follow."""
+    return {
+        "track_file": (
+            str | None,
+            Field(
+                None,
+                description=f"File of a recorded track, .csv or .gpx, {use}; relative to the "
+                "scenario's file",
+            ),
+        ),
+        "track_tolerance_m": (
+            Annotated[float, Field(gt=0.0, le=1e5, allow_inf_nan=False)] | None,
+            Field(None, description="Largest allowed distance from the recorded track"),
+        ),
+    }
+
+
 def _number(low: float, high: float, description: str) -> tuple[Any, Any]:
     """A key that holds a number within bounds."""
     bounds = Field(ge=low, le=high, allow_inf_nan=False)
@@ -299,18 +317,7 @@ else:
         {
             **COMMON,
             **_presets("target"),
-            "track_file": (
-                str | None,
-                Field(
-                    None,
-                    description="File of a recorded track, .csv or .gpx, for trajectory 'file'; "
-                    "relative to the scenario's file",
-                ),
-            ),
-            "track_tolerance_m": (
-                Annotated[float, Field(gt=0.0, le=1e5, allow_inf_nan=False)] | None,
-                Field(None, description="Largest allowed distance from the recorded track"),
-            ),
+            **_track("for trajectory 'file'"),
         },
     )
     Platform = table_class(
@@ -319,6 +326,7 @@ else:
         {
             **COMMON,
             **_presets("platform"),
+            **_track("which the boat follows"),
             "beacons": (
                 Annotated[int, Field(ge=BEACONS.least, le=BEACONS.most)] | None,
                 Field(None, description="Number of beacons; that of beacon_m if given"),

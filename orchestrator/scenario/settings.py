@@ -17,7 +17,7 @@ from sblcosim.fmus.build.compiler import Compiler
 from sblcosim.models import COMPONENTS
 from sblcosim.models.declaration import Variable
 from sblcosim.models.settings.expression import Expression, called, statements
-from sblcosim.models.settings.keys import OF_RECEIVERS
+from sblcosim.models.settings.keys import OF_RECEIVERS, in_file_units
 from sblcosim.models.settings.names import names_of
 from sblcosim.models.settings.start_values import TABLES, StartValues, start_values
 
@@ -118,9 +118,11 @@ def _element(
         return nan
     value = getattr(table, key)
     if bracket:
-        shape = _variable(name, key).shape
+        variable = _variable(name, key)
         row, *column = (int(place) - 1 for place in rest.rstrip("]").split(","))
-        value = value[row * shape[-1] + column[0] if column else row]
+        at = row * variable.shape[-1] + column[0] if column else row
+        # A list may have fewer rows than there is room for.
+        value = value[at] if at < len(value) else in_file_units(variable, variable.starts[at])
     if not isinstance(value, str):
         return float(value)
     variable = _variable(name, key)

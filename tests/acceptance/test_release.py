@@ -15,7 +15,7 @@ import pytest
 from sblcosim.fmus.build import compiler
 from sblcosim.fmus.platforms import PLATFORMS, in_folders, this_platform
 from sblcosim.models import COMPONENTS
-from sblcosim.scenario.tracks import CAPACITIES
+from sblcosim.scenario.tracks import FOLLOWERS
 
 ROOT = Path(__file__).parents[2]
 MISSING = ("casadi", "ziglang", "sblcosim", "__editable__")
@@ -136,7 +136,9 @@ def test_release_is_a_wheel_for_each_platform_with_fmus_for_all(tmp_path: Path) 
             loops = ("native", "lanes_master", "replay", "innovations", "bound")
             assert drivers == {n + suffixes[tag[:3]] for n in loops}
             fmus = [p for p in ready if p.suffix == ".fmu"]
-            names = [*COMPONENTS, *(f"target{points}" for points in CAPACITIES[1:])]
+            names = [*COMPONENTS, *(
+                f"{name}{points}" for name, it in FOLLOWERS.items() for points in it.capacities[1:]
+            )]
             assert sorted(p.stem for p in fmus) == sorted(2 * names)
             for fmu in fmus:
                 with archive.open(fmu.as_posix()) as file, zipfile.ZipFile(file) as inner:
