@@ -95,11 +95,13 @@ def _form(v: Any, matrix: Any) -> Any:
 
 
 def bent(arc: Arc, row: Range) -> Measurement:
-    """A range averaged over the spread of bearing and heading.
+    """A range averaged over the spread of bearing, heading and distance.
 
     Rotation about the platform keeps the distance to its centre. Only the beacon's arm bends the
     range, to second order. The heading may be quite unknown: over its spread s, the arm keeps ``k =
-    exp(-s/2)`` of its part in the range and in the slope. The rest is noise.
+    exp(-s/2)`` of its part in the range and in the slope. The rest is noise. So is what the
+    distance bends one beacon's range more than it bends that of the centre, to second order. What
+    it bends all alike, a clock that leaves the distance unknown takes.
     """
     first = (row.u[0] * arc.tangential[0] + row.u[1] * arc.tangential[1]) * arc.radius
     arm = (arc.y[0] * row.arm[0] + arc.y[1] * row.arm[1]) / row.distance
@@ -109,6 +111,10 @@ def bent(arc: Arc, row: Range) -> Measurement:
     across = 0.5 * (1 - k**4) - s * k**2
     second = arc.far * 0.5 * (k * arm - first**2 / row.distance) * arc.turned
     less = (1 - k) * first / arc.radius
+    deep = row.u[2] * row.distance + row.arm[2]
+    slant = ca.sqrt(arc.radius**2 + deep**2)
+    outward = row.u[0] * arc.radial[0] + row.u[1] * arc.radial[1]
+    flat = 0.5 * ((1 - outward**2) / row.distance - deep**2 / slant**3) * arc.depth
     turned = {
         **row.row,
         HEADING: k * row.row[HEADING],
@@ -116,8 +122,8 @@ def bent(arc: Arc, row: Range) -> Measurement:
         **{i: row.row[i] + less * arc.tangential[n] for n, i in enumerate(PLATFORM)},
     }
     return Measurement(
-        row.value + (1 - k) * arm + second, turned,
-        row.variance + along * arm**2 + across * first**2 + 2 * second**2,
+        row.value + (1 - k) * arm + second + flat, turned,
+        row.variance + along * arm**2 + across * first**2 + 2 * second**2 + 2 * flat**2,
     )
 
 
