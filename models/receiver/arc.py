@@ -111,10 +111,12 @@ def bent(arc: Arc, row: Range) -> Measurement:
     across = 0.5 * (1 - k**4) - s * k**2
     second = arc.far * 0.5 * (k * arm - first**2 / row.distance) * arc.turned
     less = (1 - k) * first / arc.radius
-    deep = row.u[2] * row.distance + row.arm[2]
+    stretch = ca.sqrt(ca.fmax(sum(u**2 for u in row.u), 0.25))  # 1 + κ, but on a beacon
+    deep = row.u[2] / stretch * row.distance + row.arm[2]
     slant = ca.sqrt(arc.radius**2 + deep**2)
-    outward = row.u[0] * arc.radial[0] + row.u[1] * arc.radial[1]
-    flat = 0.5 * ((1 - outward**2) / row.distance - deep**2 / slant**3) * arc.depth
+    outward = (row.u[0] * arc.radial[0] + row.u[1] * arc.radial[1]) / stretch
+    own = (1 - outward**2) / row.distance - deep**2 / slant**3
+    flat = arc.far * 0.5 * stretch * own * arc.depth
     turned = {
         **row.row,
         HEADING: k * row.row[HEADING],
