@@ -6,6 +6,7 @@ arc. The spread along the arc bends ranges and shifts the mean.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +15,7 @@ import casadi as ca
 from .least_squares import symmetric
 from .steps import Map
 from .surroundings import (
+    CLOCK,
     HEADING,
     NEAREST,
     PLATFORM,
@@ -45,6 +47,8 @@ class Arc:
         Whether the diver is far enough for an arc: 0 or 1.
     spread, depth
         Variances of the bearing, at most `WIDEST` [rad²], and of the distance [m²].
+    offset, with_offset
+        Variance of what all ranges have in common, and its covariance with the distance [m²].
     heading, turned
         Variance of the platform's heading, and the excess variance of the bearing minus the
         heading, which is what bends a range; at most `WIDEST` [rad²].
@@ -59,10 +63,18 @@ class Arc:
     depth: Any
     heading: Any
     turned: Any
+    offset: Any
+    with_offset: Any
 
 
-def about(mean: Any, P: Any) -> Arc:
-    """The arc of a state and its covariance."""
+def about(mean: Any, P: Any, offsets: Sequence[int] = (CLOCK,)) -> Arc:
+    """The arc of a state and its covariance.
+
+    Parameters
+    ----------
+    offsets
+        States that all ranges have in common [m].
+    """
     y = mean[_NORTH_EAST] - mean[_PLATFORM]
     length = ca.sqrt(ca.sumsqr(y))
     radius = ca.fmax(length, NEAREST)
@@ -79,6 +91,8 @@ def about(mean: Any, P: Any) -> Arc:
         turned=ca.fmin(ca.fmax(
             _form(tangential, P_yy) / radius**2 - 2 * ca.dot(tangential, P_yh) / radius, 0,
         ), WIDEST),
+        offset=sum(P[i, j] for i in offsets for j in offsets),
+        with_offset=sum(ca.dot(radial, P[_NORTH_EAST, i] - P[_PLATFORM, i]) for i in offsets),
     )
 
 
@@ -114,9 +128,9 @@ def bent(arc: Arc, row: Range) -> Measurement:
     stretch = ca.sqrt(ca.fmax(sum(u**2 for u in row.u), 0.25))  # 1 + κ, but on a beacon
     deep = row.u[2] / stretch * row.distance + row.arm[2]
     slant = ca.sqrt(arc.radius**2 + deep**2)
-    outward = (row.u[0] * arc.radial[0] + row.u[1] * arc.radial[1]) / stretch
-    own = (1 - outward**2) / row.distance - deep**2 / slant**3
-    flat = arc.far * 0.5 * stretch * own * arc.depth
+    outward = row.u[0] * arc.radial[0] + row.u[1] * arc.radial[1]
+    own = (1 - (outward / stretch) ** 2) / row.distance - deep**2 / slant**3
+    flat = arc.far * 0.5 * stretch * own * _unseen(arc, outward, row.variance)
     turned = {
         **row.row,
         HEADING: k * row.row[HEADING],
@@ -127,6 +141,13 @@ def bent(arc: Arc, row: Range) -> Measurement:
         row.value + (1 - k) * arm + second + flat, turned,
         row.variance + along * arm**2 + across * first**2 + 2 * second**2 + 2 * flat**2,
     )
+
+
+def _unseen(arc: Arc, outward: Any, noise: Any) -> Any:
+    """Variance of the distance that a range leaves, because of what all have in common [m²]."""
+    seen = outward * arc.depth + arc.with_offset
+    total = outward * (seen + arc.with_offset) + arc.offset + noise
+    return ca.fmax(arc.depth - seen**2 / total, 0)
 
 
 def retract(mean: Any, P: Any, d: Any) -> tuple[Any, Any, Map]:

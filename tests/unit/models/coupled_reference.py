@@ -484,7 +484,12 @@ class Reference:
                 sum(n * further(radius + 0.05 * k, s) for k, n in stencil.items()) / (12 * 0.05**2)
                 for s in (beacon, center)
             ]
-            flat = 0.5 * (bend[0] - bend[1]) * out
+            # What a range tells of the distance, if nothing is known of the clock but its prior.
+            row = np.zeros(N)
+            row[:2] = (H[:2] @ y / radius) * y / radius
+            row[P_], row[BETA] = -row[:2], 1
+            tells = (y / radius) @ D @ P @ row
+            flat = 0.5 * (bend[0] - bend[1]) * max(out - tells**2 / (row @ P @ row + R), 0.0)
             H[PSI] *= k
             H -= (1 - k) * first * bearing
             value += (1 - k) * arm + second + flat
