@@ -4,16 +4,40 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import partial
 
 import casadi as ca
 from sblcosim.models.equations import Functions, Model
 
-from .straight_line import Array, statements
+from .folding import Folded
+from .straight_line import NOWHERE, Array, Values, constant, statements
 from .tables import draw_blocks, draw_tables, noise_size
 
 _UP = "const real *u, const real *p"
 _XUP = f"const real *x, {_UP}"
+
+
+@dataclass(frozen=True, slots=True)
+class Fixed(Model):
+    """A model whose parameters are known when it is compiled; `fmus.build.fixed` makes it.
+
+    Attributes
+    ----------
+    parameters
+        Values of the elements of all parameters.
+    constants
+        States that always have the same value, and that value.
+    unread
+        States that nothing reads; they have no place.
+    rows
+        Number of rows that a loop goes through, by its name, where that is less than it declares.
+    """
+
+    parameters: Sequence[float] = ()
+    constants: Mapping[int, float] = field(default_factory=dict)
+    unread: frozenset[int] = frozenset()
+    rows: Mapping[str, int] = field(default_factory=dict)
 
 
 def model_source(model: Model) -> str:
@@ -53,11 +77,12 @@ def _parameter_indices(model: Model) -> dict[str, int]:
 def _sizes(model: Model, n_blocks: int) -> dict[str, int]:
     """The constants of the engine by name; -1 for a parameter that the component does not have."""
     component = model.component
-    indices = _parameter_indices(model)
+    fixed = isinstance(model, Fixed)
+    indices = {} if fixed else _parameter_indices(model)
     n_outputs = sum(v.size for v in component.of("output"))
     return {
         "COMPONENT_NUMBER": component.number,
-        "N_P": sum(v.size for v in component.of("parameter")),
+        "N_P": 0 if fixed else sum(v.size for v in component.of("parameter")),
         "N_U": sum(v.size for v in component.of("input")),
         "N_Y": n_outputs,
         "N_X": max([n_outputs, *(index + 1 for index in state_indices(model))]),
@@ -78,7 +103,8 @@ def _sizes(model: Model, n_blocks: int) -> dict[str, int]:
 def state_indices(model: Model) -> list[int]:
     """Index of each state in ``x``, the array of all outputs and, after them, of the states.
 
-    A state that equals an output in all variants is stored in that output.
+    A state that equals an output in all variants is stored in that output. A state of a `Fixed`
+    model that nothing reads has the index -1.
     """
     shown = set.intersection(*map(_shown, (f.output for f in model.variants.values())))
     in_rows = {  # rows of a state must be one after another
@@ -91,8 +117,10 @@ def state_indices(model: Model) -> list[int]:
             indices.setdefault(state, output)
     n_outputs = sum(v.size for v in model.component.of("output"))
     n_states = sum(rows * columns for rows, columns in model.states.values())
-    hidden = [state for state in range(n_states) if state not in indices]
+    unread = model.unread if isinstance(model, Fixed) else frozenset()
+    hidden = [state for state in range(n_states) if state not in indices and state not in unread]
     indices |= {state: n_outputs + i for i, state in enumerate(hidden)}
+    indices |= {state: -1 for state in unread if state not in indices}
     return [indices[state] for state in range(n_states)]
 
 
@@ -163,16 +191,34 @@ def _looked_up(functions: Functions, occasion: str, arguments: Sequence[Array]) 
     return lines
 
 
+def _stored(model: Model) -> list[str]:
+    """The places of the states in C."""
+    return [f"x[{index}]" if index >= 0 else NOWHERE for index in state_indices(model)]
+
+
 def _x(model: Model) -> list[str]:
-    """The states in C."""
-    return [f"x[{index}]" for index in state_indices(model)]
+    """The states in C, as they are read."""
+    x = _stored(model)
+    for state, value in (model.constants if isinstance(model, Fixed) else {}).items():
+        x[state] = constant(value)
+    return x
+
+
+def _p(model: Model) -> Array:
+    """The parameters in C."""
+    return [constant(value) for value in model.parameters] if isinstance(model, Fixed) else "p"
+
+
+def _kind(model: Model) -> type[Values]:
+    """How values of its functions follow from each other."""
+    return Folded if isinstance(model, Fixed) else Values
 
 
 def _equations(model: Model) -> Iterator[str]:
     """Functions of an engine for the start, the ticks and the outputs."""
-    x = _x(model)
+    x, p, stored = _x(model), _p(model), _stored(model)
     y = [f"x[{i}]" for i in range(sum(v.size for v in model.component.of("output")))]
-    initial = _printed(model, lambda f: f.initial, ["p", "w", ["t"]], x, "", ("initial", ["p"]))
+    initial = _printed(model, lambda f: f.initial, [p, "w", ["t"]], stored, "", ("initial", [p]))
     for value, functions in model.variants.items():
         constant = _constants(functions.output)
         initial[value] += [f"{y[i]} = r_set1({number.hex()});" for i, number in constant.items()]
@@ -184,14 +230,15 @@ def _equations(model: Model) -> Iterator[str]:
     yield _variants(
         "model_tick(int variant, real *x, const real *u, const real *p, const real *w, real t, "
         "real k)",
-        _printed(model, lambda f: f.tick, [x, "u", "p", "w", ["t"], ["k"]], x),
+        _printed(model, lambda f: f.tick, [x, "u", p, "w", ["t"], ["k"]], stored),
         ["x", "u", "p", "w", "t", "k"],
     )
     yield _variants(
         "model_output(int variant, real *x, const real *u, const real *p, real t)",
         {
             value: statements(
-                functions.output, [x, "u", "p", ["t"]], y, without=_constants(functions.output)
+                functions.output, [x, "u", p, ["t"]], y, without=_constants(functions.output),
+                kind=_kind(model),
             )
             for value, functions in model.variants.items()
         },
@@ -201,7 +248,7 @@ def _equations(model: Model) -> Iterator[str]:
 
 def _loops(model: Model) -> Iterator[str]:
     """Guard and body of each loop, and the functions that select them by number."""
-    x = _x(model)
+    x, p, stored = _x(model), _p(model), _stored(model)
     loops = (*model.advance, *model.iterate)
     for number, loop in enumerate(loops):
         if loop in model.each:
@@ -209,14 +256,14 @@ def _loops(model: Model) -> Iterator[str]:
             continue
         yield _variants(
             f"guard_{number}(int variant, {_XUP}, real t, real *c)",
-            _printed(model, partial(_guard, loop), [x, "u", "p", ["t"]], "c"),
+            _printed(model, partial(_guard, loop), [x, "u", p, ["t"]], "c"),
             ["x", "u", "p", "t"],
         )
         yield _variants(
             f"body_{number}(int variant, mask going, real *x, const real *u, const real *p, "
             "const real *w, real t)",
-            _printed(model, partial(_body, loop), [x, "u", "p", "w", ["t"]], x, "going",
-                     (loop, [x, "p"])),
+            _printed(model, partial(_body, loop), [x, "u", p, "w", ["t"]], stored, "going",
+                     (loop, [x, p])),
             ["going", "x", "u", "p", "w", "t"],
         )
     if any(model.inner.values()):
@@ -254,33 +301,48 @@ def _loops(model: Model) -> Iterator[str]:
 _OF_EACH = f"int variant, int row, mask going, real *x, {_UP}, real t"
 
 
-def _of_each(model: Model, loop: str, number: int) -> Iterator[str]:
+def _of_each(model: Model, loop: str, at: int) -> Iterator[str]:
     """Guard and body of a loop over each row of some states, with pointers to the rows."""
-    x, indices = _x(model), state_indices(model)
-    row, pointers = [], []
+    x, p, stored, indices = _x(model), _p(model), _stored(model), state_indices(model)
+    only = rows_of(model, loop) == 1
+    row, into, pointers = [], [], []
     for n, (first, _, columns) in enumerate(model.places(loop)):
+        if only:
+            row += x[first : first + columns]
+            into += stored[first : first + columns]
+            continue
         pointers.append(f"real *const r{n} = x + {indices[first]} + row * {columns};")
         row += [f"r{n}[{i}]" for i in range(columns)]
-    arguments: list[Array] = [x, "u", "p", ["t"], row, ["r_set1((double)row)"]]
+        into += [f"r{n}[{i}]" for i in range(columns)]
+    number = [constant(0.0) if only else "r_set1((double)row)"]
+    arguments: list[Array] = [x, "u", p, ["t"], row, number]
     guards = _printed(model, partial(_guard, loop), arguments, "c")
-    arguments = [x, "u", "p", "w", ["t"], row, ["r_set1((double)row)"]]
-    bodies = _printed(model, partial(_body, loop), arguments, [*x, *row], "going")
+    arguments = [x, "u", p, "w", ["t"], row, number]
+    bodies = _printed(model, partial(_body, loop), arguments, [*stored, *into], "going")
     names = ["row", "x", "u", "p", "t"]
     unused = [f"(void)r{n};" for n in range(len(pointers))]
     yield _variants(
-        f"guard_{number}(int variant, int row, real *x, {_UP}, real t, real *c)",
+        f"guard_{at}(int variant, int row, real *x, {_UP}, real t, real *c)",
         {value: [*pointers, *unused, *lines] for value, lines in guards.items()}, names,
     )
     yield _variants(
-        f"body_{number}({_OF_EACH})",
+        f"body_{at}({_OF_EACH})",
         {value: [*pointers, *unused, *lines] for value, lines in bodies.items()},
         [*names, "going"],
     )
 
 
+def rows_of(model: Model, loop: str) -> int:
+    """Number of rows that a loop goes through; 0: it repeats instead."""
+    if loop not in model.each:
+        return 0
+    fewer = model.rows if isinstance(model, Fixed) else {}
+    return fewer.get(loop, model.places(loop)[0][1])
+
+
 def _selected_rows(model: Model, loops: Sequence[str]) -> Iterator[str]:
     """Functions that select a loop over each row by its number."""
-    counts = [model.places(loop)[0][1] if loop in model.each else 0 for loop in loops]
+    counts = [rows_of(model, loop) for loop in loops]
     yield (
         "/* Number of rows that a loop goes through; 0: it repeats instead. */\n"
         f"static const int model_rows[] = {{{', '.join(map(str, counts))}}};\n"
@@ -342,6 +404,7 @@ def _printed(
             *statements(
                 pick(functions),
                 [*arguments, "r"] if rows[0] in functions.rows else arguments, result, where,
+                kind=_kind(model),
             ),
         ]
         for value, functions in model.variants.items()

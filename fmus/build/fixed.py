@@ -1,0 +1,246 @@
+"""A model with the parameters of one scenario: what it never does, and never reads, is left out."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+
+import casadi as ca
+import numpy as np
+from sblcosim.models.equations import Model
+
+from .folding import Folded
+from .generator import Fixed, rows_of, state_indices
+from .straight_line import Array, constant, evaluated
+
+
+def fixed(model: Model, parameters: Mapping[str, Sequence[float]]) -> Fixed:
+    """The model with known parameters; its C gives the bits of the C with all options.
+
+    Parameters
+    ----------
+    parameters
+        Values of parameters by name; all others have their start values.
+
+    Raises
+    ------
+    ValueError
+        The model has several variants, noise, or rows of parameters.
+    """
+    functions, *others = model.variants.values()
+    if others or model.draws or functions.rows:
+        raise ValueError(f"{model.component.name}: must be without variants, noise and rows")
+    numbers = [
+        float(value) for variable in model.component.of("parameter")
+        for value in np.ravel(parameters.get(variable.name, variable.starts))
+    ]
+    whole = Fixed(**{it.name: getattr(model, it.name) for it in fields(Model)}, parameters=numbers)
+    while True:
+        found = _with_constants(whole)
+        rows = {loop: _rows_read(found, loop) for loop in found.each}
+        if rows == found.rows:
+            return replace(found, unread=_unread(found))
+        whole = replace(whole, rows=rows)
+
+
+def _with_constants(whole: Fixed) -> Fixed:
+    """The model without idle loops, and with the states that are always the same.
+
+    Each state that starts from a number is taken for constant until something changes it.
+    """
+    constants = {state: number for state, number in _start(whole).changes() if number is not None}
+    while True:
+        found = _without_idle(replace(whole, constants=constants))
+        variable = {state for part in _parts(found) for state, _ in part.changes()}
+        variable |= _in_several_rows(found)
+        if not variable & constants.keys():
+            return found
+        constants = {i: number for i, number in constants.items() if i not in variable}
+
+
+@dataclass(frozen=True)
+class _Part:
+    """One function of a model.
+
+    Attributes
+    ----------
+    values
+        Its values; the argument for a state has the text ``s[STATE]``.
+    stores
+        States that it may change, and the values that they get.
+    roots
+        Values that matter in any case.
+    constants
+        See `Fixed`.
+    """
+
+    values: Folded
+    stores: Sequence[tuple[int, str]]
+    roots: Sequence[str]
+    constants: Mapping[int, float]
+
+    def changes(self) -> Iterator[tuple[int, float | None]]:
+        """The states that it changes, and their new values where these are known."""
+        for state, value in self.stores:
+            new = self.values.known.get(value)
+            old = self.constants.get(state)
+            same = new is not None and old is not None and _bits(new) == _bits(old)
+            if self.values.texts[value] != f"s[{state}]" and not same:
+                yield state, new
+
+    def reads(self, values: Sequence[str]) -> set[int]:
+        """The states that values follow from."""
+        found: set[str] = set()
+        waiting = list(values)
+        while waiting:
+            value = waiting.pop()
+            if value not in found:
+                found.add(value)
+                waiting += self.values.operands[value]
+        texts = (re.fullmatch(r"s\[(\d+)\]", self.values.texts[value]) for value in found)
+        return {int(match[1]) for match in texts if match}
+
+
+def _bits(number: float) -> str:
+    return float(number).hex()
+
+
+def _s(model: Fixed) -> list[str]:
+    """The states as arguments."""
+    n = sum(rows * columns for rows, columns in model.states.values())
+    numbers = model.constants
+    return [constant(numbers[i]) if i in numbers else f"s[{i}]" for i in range(n)]
+
+
+def _part(
+    model: Fixed, function: ca.Function, arguments: Sequence[Array],
+    states: Sequence[int] | None = None,
+) -> _Part:
+    """A function that changes states, or whose results matter in any case."""
+    values, results = evaluated(function, arguments, Folded)
+    assert isinstance(values, Folded)
+    if states is None:
+        return _Part(values, (), tuple(results.values()), model.constants)
+    stores = [(states[i], value) for i, value in results.items()]
+    return _Part(values, stores, (), model.constants)
+
+
+def _start(model: Fixed) -> _Part:
+    """What a model starts from."""
+    functions, = model.variants.values()
+    return _part(model, functions.initial, [_p(model), "w", ["t"]], range(len(_s(model))))
+
+
+def _parts(model: Fixed) -> Iterator[_Part]:
+    """All functions of a model but its start."""
+    functions, = model.variants.values()
+    s, p = _s(model), _p(model)
+    yield _part(model, functions.tick, [s, "u", p, "w", ["t"], ["k"]], range(len(s)))
+    yield _part(model, functions.output, [s, "u", p, ["t"]])
+    for loop in (*model.advance, *model.iterate):
+        for row in range(model.rows.get(loop, 1)):
+            places, more = _row(model, loop, row)
+            yield _part(model, functions.guards[loop], [s, "u", p, ["t"], *more])
+            arguments = [s, "u", p, "w", ["t"], *more]
+            yield _part(model, functions.bodies[loop], arguments, [*range(len(s)), *places])
+
+
+def _p(model: Fixed) -> list[str]:
+    return [constant(number) for number in model.parameters]
+
+
+def _row(model: Fixed, loop: str, row: int) -> tuple[list[int], list[Array]]:
+    """States in a row that a loop goes through, and the arguments for the row and its number."""
+    if loop not in model.each:
+        return [], []
+    states = [
+        first + row * columns + i for first, _, columns in model.places(loop)
+        for i in range(columns)
+    ]
+    s = _s(model)
+    return states, [[s[i] for i in states], [constant(float(row))]]
+
+
+def _without_idle(model: Fixed) -> Fixed:
+    """Without loops whose guards never hold, and with only the rows for which they ever do."""
+    loops = (*model.advance, *model.iterate)
+    rows = {
+        loop: 1 + max(
+            (row for row in range(rows_of(model, loop)) if _holds(model, loop, row)), default=-1
+        )
+        for loop in model.each
+    }
+    idle = {
+        loop for loop in loops
+        if (not rows[loop] if loop in model.each else not _holds(model, loop))
+    }
+    inner = {loop: _inside(model, loop) for loop in loops}
+    idle |= {it for loop in idle for it in inner[loop]}  # which never run either
+    return replace(
+        model,
+        advance=tuple(loop for loop in model.advance if loop not in idle),
+        iterate=tuple(loop for loop in model.iterate if loop not in idle),
+        inner={loop: sum(it not in idle for it in inside) for loop, inside in inner.items()},
+        each={loop: states for loop, states in model.each.items() if loop not in idle},
+        rows={loop: count for loop, count in rows.items() if loop not in idle},
+    )
+
+
+def _inside(model: Model, loop: str) -> Sequence[str]:
+    """The loops inside a loop, which follow it."""
+    loops = (*model.advance, *model.iterate)
+    after = loops.index(loop) + 1
+    return loops[after : after + model.inner[loop]]
+
+
+def _holds(model: Fixed, loop: str, row: int = 0) -> bool:
+    """Whether the guard of a loop, or of one of its rows, can hold."""
+    functions, = model.variants.values()
+    arguments = [_s(model), "u", _p(model), ["t"], *_row(model, loop, row)[1]]
+    part = _part(model, functions.guards[loop], arguments)
+    return any(it not in part.values.nothing and part.values.known.get(it) != 0
+               for it in part.roots)
+
+
+def _in_several_rows(model: Fixed) -> set[int]:
+    """States in loops that go through several of their rows: these stay one after another."""
+    return {
+        state for loop, count in model.rows.items() if count > 1 for row in range(count)
+        for state in _row(model, loop, row)[0]
+    }
+
+
+def _rows_read(model: Fixed, loop: str) -> int:
+    """Number of rows of a loop up to the last one that something depends on."""
+    read = _read(model)
+    rows = range(model.rows[loop])
+    return 1 + max((row for row in rows if read & {*_row(model, loop, row)[0]}), default=-1)
+
+
+def _unread(model: Fixed) -> frozenset[int]:
+    """States that have no place: those without a use, and those that are constant."""
+    outputs = sum(v.size for v in model.component.of("output"))
+    placed = _read(model) | _in_several_rows(model)
+    places = enumerate(state_indices(model))
+    return frozenset(state for state, at in places if at >= outputs and state not in placed)
+
+
+def _read(model: Fixed) -> set[int]:
+    """States that outputs or guards depend on."""
+    parts = list(_parts(model))
+    read = set().union(*(part.reads(part.roots) for part in parts))
+    makers: dict[int, list[tuple[_Part, str]]] = {}
+    for part in parts:
+        for state, value in part.stores:
+            makers.setdefault(state, []).append((part, value))
+    waiting = list(read)
+    while waiting:
+        state = waiting.pop()
+        for part, value in makers.get(state, ()):
+            # A state that is chosen anew under a condition does not read what it was.
+            condition, new = part.values.change(f"s[{state}]", value)
+            found = part.reads([it for it in (condition, new) if it]) - read
+            read |= found
+            waiting += found
+    return read

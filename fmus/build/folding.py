@@ -1,0 +1,141 @@
+"""Values of a function some of whose arguments are known: what follows from them is computed here.
+
+Every rule is exact: the C that is left gives the bits of the C with all arguments. Only operations
+that IEEE 754 rounds correctly are computed, and a product with 0 stays, as it may be −0 or NaN.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import casadi as ca
+
+from .straight_line import COMPARISONS, LOGIC, LOGIC_OF_CONDITIONS, Values, constant
+
+_EXACT: Mapping[int, Callable[..., float]] = {
+    ca.OP_ADD: operator.add,
+    ca.OP_SUB: operator.sub,
+    ca.OP_MUL: operator.mul,
+    ca.OP_DIV: operator.truediv,
+    ca.OP_NEG: operator.neg,
+    ca.OP_SQ: lambda a: a * a,
+    ca.OP_TWICE: lambda a: a + a,
+    ca.OP_INV: lambda a: 1.0 / a,
+    ca.OP_SQRT: math.sqrt,
+    ca.OP_FABS: abs,
+}
+_COMPARED: Mapping[int, Callable[[float, float], bool]] = {
+    ca.OP_LT: operator.lt, ca.OP_LE: operator.le, ca.OP_EQ: operator.eq, ca.OP_NE: operator.ne,
+}
+_OF_NOTHING = (ca.OP_ADD, ca.OP_SUB, ca.OP_NEG, ca.OP_FMIN, ca.OP_FMAX)
+_ALIAS = "{0}"
+_TRUTHS = {False: "m_true(r_set1(0.0))", True: "m_true(r_set1(1.0))"}
+
+
+class Folded(Values):
+    """Values, with numbers and conditions that are known.
+
+    Attributes
+    ----------
+    known
+        The numbers and truths of values that are known.
+    nothing
+        Numbers that are 0, −0 or NaN, whichever; as a guard they never hold.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.known: dict[str, float] = {}
+        self.nothing: set[str] = set()
+
+    def add(self, kind: str, text: str, operands: Sequence[str] = ()) -> str:
+        name = super().add(kind, text, operands)
+        if not operands and text.startswith(("r_set1(0x", "r_set1(-0x")):
+            self.known[name] = float.fromhex(text[len("r_set1(") : -1])
+        return name
+
+    def real(self, value: str) -> str:
+        if value[0] == "m" and value in self.known and value not in self.converted:
+            self.converted[value] = self.add("a", constant(float(self.known[value])))
+        return super().real(value)
+
+    def mask(self, value: str) -> str:
+        if value[0] == "a" and value in self.known and value not in self.converted:
+            self.converted[value] = self._truth(self.known[value] != 0)
+        return super().mask(value)
+
+    def _truth(self, truth: bool) -> str:
+        name = self.add("m", _TRUTHS[truth])
+        self.known[name] = truth
+        return name
+
+    def apply(self, operation: int, used: Sequence[str]) -> str:
+        value = self._applied(operation, used)
+        nothing = [it in self.nothing or self.known.get(it) == 0 for it in used]
+        product = operation in (ca.OP_MUL, ca.OP_SQ) and any(nothing)
+        chosen = operation == ca.OP_IF_ELSE_ZERO and nothing[-1]
+        if product or chosen or (operation in _OF_NOTHING and all(nothing)):
+            self.nothing.add(value)
+        return value
+
+    def _applied(self, operation: int, used: Sequence[str]) -> str:
+        of_conditions = operation in LOGIC_OF_CONDITIONS and all(v[0] == "m" for v in used)
+        if operation in LOGIC or of_conditions:
+            return self._logic(operation, used) or super().apply(operation, used)
+        if operation == ca.OP_IF_ELSE_ZERO and self.mask(used[0]) in self.known:
+            return self._chosen(self.mask(used[0]), self.real(used[1]))
+        if operation == ca.OP_ADD:
+            choice = self.choice(*used) or self.choice(*reversed(used))
+            if choice is not None and choice[0] in self.known:
+                return choice[1] if self.known[choice[0]] else choice[2]
+        if all(value in self.known for value in used):
+            numbers = [float(self.known[value]) for value in used]
+            if operation in COMPARISONS:
+                truth = self._truth(_COMPARED[operation](*numbers))
+                if operation == ca.OP_EQ and used[0][0] == "m" and numbers[1] == 0:
+                    self.negated[truth] = used[0]
+                return truth
+            if operation in _EXACT:
+                result = _computed(_EXACT[operation], numbers)
+                if math.isfinite(result):
+                    return self.add("a", constant(result))
+        return super().apply(operation, used)
+
+    def _logic(self, operation: int, used: Sequence[str]) -> str:
+        """The value of an operation on conditions, or "" if it follows from nothing known."""
+        masks = [self.mask(value) for value in used]
+        truths = [self.known.get(value) for value in masks]
+        if operation == ca.OP_NOT:
+            if truths[0] is None:
+                return ""
+            value = self._truth(not truths[0])
+            self.negated[value] = masks[0]
+            return value
+        decides = operation in (ca.OP_OR, ca.OP_FMAX)  # the truth that decides alone
+        if any(truth is not None and bool(truth) == decides for truth in truths):
+            return self._truth(decides)
+        if truths[0] is not None:
+            return masks[1]
+        return masks[0] if truths[1] is not None else ""
+
+    def _chosen(self, condition: str, number: str) -> str:
+        """``c ? x : 0`` with a known condition: another name for x, or 0."""
+        if self.known[condition]:
+            value = self.form("a", _ALIAS, [number])
+            if number in self.known:
+                self.known[value] = self.known[number]
+        else:
+            value = self.add("a", constant(0.0))
+        self.kept[value] = condition, number
+        return value
+
+
+def _computed(function: Callable[..., Any], numbers: Sequence[float]) -> float:
+    """The result, or NaN if Python has none."""
+    try:
+        return float(function(*numbers))
+    except (ArithmeticError, ValueError):
+        return math.nan
