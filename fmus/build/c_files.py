@@ -13,6 +13,8 @@ LANES = ("lanes.h", "lanes.c", "dispatch.c", "widest.h")
 """The entry for many simulations side by side."""
 WASM = ("wasm.c", "freestanding.h")
 """The entry of a component as WebAssembly, and what it needs in place of a C library."""
+FIRMWARE = ("firmware.c", "soft_sqrt.h")
+"""A receiver without FMI, for a microcontroller."""
 BOUND = ("bound.c", "bound.h", "elementary.h", "real.h", "widest.h")
 """The recursion of a bound."""
 HEADERS = (
