@@ -8,11 +8,16 @@ from __future__ import annotations
 import re
 import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from importlib.resources import files as resources
 
+import jinja2
+import numpy as np
+from numpy.typing import NDArray
 from sblcosim.models.declaration import Variable
 from sblcosim.models.equations import Model
 
-from .c_files import FIRMWARE, c_files
+from .c_files import FIRMWARE, SELFTEST, c_files
 from .factory import engine_sources
 from .fixed import fixed
 from .generator import Fixed, state_indices
@@ -182,14 +187,170 @@ def _comment(text: str, indent: str) -> list[str]:
             for n, line in enumerate(lines)]
 
 
-def elements(model: Model, name: str) -> Iterator[str]:
-    """A table in C of the place and type of each element of inputs and outputs, in their order."""
+@dataclass(frozen=True)
+class Target:
+    """What a receiver is compiled for.
+
+    Attributes
+    ----------
+    words
+        The processor, in a few words.
+    compiler, flags
+        Command, and what it is told of the processor.
+    board
+        The board that qemu emulates; empty: the self-test runs on this machine.
+    """
+
+    words: str
+    compiler: str
+    flags: str
+    board: str = ""
+
+
+_ARM = "arm-none-eabi-gcc"
+TARGETS: Mapping[str, Target] = {
+    "cortex-m7": Target(
+        "Cortex-M7 with a floating-point unit for doubles", _ARM,
+        "-mcpu=cortex-m7 -mthumb -mfpu=fpv5-d16 -mfloat-abi=hard", "mps2-an500",
+    ),
+    "cortex-m4": Target(
+        "Cortex-M4, whose floating-point unit has no doubles: they are computed in software", _ARM,
+        "-mcpu=cortex-m4 -mthumb -mfpu=fpv4-sp-d16 -mfloat-abi=hard", "mps2-an386",
+    ),
+    "host": Target("the machine that compiles it", "cc", ""),
+}
+FLAGS = "-std=c11 -Os -ffp-contract=off -fno-math-errno -Wall -Wextra"
+"""Flags for every target. Only ``-ffp-contract=off`` matters for the numbers."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """A recorded dive of a receiver.
+
+    Attributes
+    ----------
+    inputs
+        Elements of all inputs at each update; (n, inputs).
+    outputs
+        Elements of all outputs after it; (n, outputs).
+    """
+
+    inputs: NDArray[np.float64]
+    outputs: NDArray[np.float64]
+
+
+def recording_source(model: Model, name: str, recording: Recording) -> str:
+    """``recording.h``: changes of inputs and outputs, and the table of their places."""
+    lines = [
+        "/* Receptions of a recorded dive, and what the receiver made of them. */",
+        f'#include "{name}.h"',
+        f"#define SELFTEST(it) {name}_##it",
+        f"#define UPDATES {len(recording.inputs)}",
+        *_elements(model, name),
+        "struct change {",
+        "    unsigned short element;",
+        "};",
+    ]
+    ports = (("input", recording.inputs), ("output", recording.outputs))
+    columns = [_bits(model.component.of(causality), values) for causality, values in ports]
+    changes: list[str] = []
+    values: list[str] = []
+    counts = []
+    before = [[0] * len(column[0]) for column in columns]
+    for update in range(len(recording.inputs)):
+        count = []
+        for port, column in enumerate(columns):
+            new = [i for i, (a, b) in enumerate(zip(column[update], before[port], strict=True))
+                   if a != b]
+            changes += [f"{{{i}}}" for i in new]
+            values += [f"0x{column[update][i]:x}" for i in new]
+            count.append(str(len(new)))
+            before[port] = column[update]
+        counts.append(f"{{{', '.join(count)}}}")
+    for kind, of, texts in (
+        ("struct change", "changes", changes), ("uint64_t", "values", values),
+        ("struct {\n    unsigned short inputs, outputs;\n}", "counts", counts),
+    ):
+        lines += [f"static const {kind} {of}[] = {{",
+                  *textwrap.wrap(", ".join(texts), 96, initial_indent="    ",
+                                 subsequent_indent="    "), "};"]
+    return "\n".join([*lines, ""])
+
+
+def _bits(variables: Sequence[Variable], values: NDArray[np.float64]) -> list[list[int]]:
+    """The bits of each element, of its own type, as 64-bit numbers."""
+    kinds = [v.type for v in variables for _ in range(v.size)]
+    whole = np.array([kind != "Float64" for kind in kinds])
+    bits = np.ascontiguousarray(values).view(np.uint64).copy()
+    bits[:, whole] = values[:, whole].astype(np.int64).view(np.uint64)
+    listed: list[list[int]] = bits.tolist()
+    return listed
+
+
+def _elements(model: Model, name: str) -> Iterator[str]:
+    """A table in C of the place and size of each element of inputs and outputs, in their order."""
     for causality in ("input", "output"):
-        variables = model.component.of(causality)
         yield f"static const struct place {causality}s[] = {{"
-        for v in variables:
+        for v in model.component.of(causality):
             kind = _TYPES[v.type]
             for i in range(v.size):
                 yield (f"    {{offsetof({name}_{causality}s, {v.name}) + {i} * sizeof({kind}), "
                        f"sizeof({kind})}},")
         yield "};"
+
+
+def folder_files(
+    model: Model, name: str, parameters: Mapping[str, Sequence[float]], interval_ns: int,
+    target: str, recording: Recording, about: str,
+) -> dict[str, bytes]:
+    """All files of a folder: the receiver, how to use it, and its self-test.
+
+    Parameters
+    ----------
+    target
+        A key of `TARGETS`.
+    about
+        Where the parameters and the recorded dive come from.
+
+    Raises
+    ------
+    ValueError
+        As `sblcosim.fmus.build.fixed.fixed`.
+    """
+    own = sources(model, name, parameters, interval_ns)
+    chosen = TARGETS[target]
+    extra = c_files(SELFTEST.values())
+    for_board = ("measure.h", "board.c", "board.ld")
+    texts = {
+        **own, "recording.h": recording_source(model, name, recording),
+        **{file: _rendered(f"firmware.{template}.jinja", {
+            "name": name, "model": model, "target": chosen, "flags": FLAGS, "about": about,
+            "interval_s": interval_ns / 1e9, "updates": len(recording.inputs),
+            "state_bytes": re.findall(r"_STATE_BYTES (\d+)", own[f"{name}.h"])[0],
+            "parameters": _parameters(model, parameters),
+        }) for file, template in (("README.md", "md"), ("Makefile", "mk"))},
+    }
+    return {
+        **{file: text.encode() for file, text in texts.items()},
+        **{file: extra[source] for file, source in SELFTEST.items()
+           if chosen.board or file not in for_board},
+    }
+
+
+def _rendered(template: str, values: Mapping[str, object]) -> str:
+    environment = jinja2.Environment(
+        trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined,
+        keep_trailing_newline=True,
+    )
+    text = resources(__package__).joinpath(template).read_text("utf-8")
+    return environment.from_string(text).render(values)
+
+
+def _parameters(
+    model: Model, given: Mapping[str, Sequence[float]]
+) -> list[tuple[Variable, str]]:
+    """Each parameter and its value, as text."""
+    return [
+        (v, ", ".join(f"{float(x):.12g}" for x in np.ravel(given.get(v.name, v.starts))))
+        for v in model.component.of("parameter")
+    ]

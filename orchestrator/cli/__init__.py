@@ -17,6 +17,7 @@ from .commands import (
     processing,
     components,
     export,
+    firmware,
 )
 from .commands import schemas
 from .common.app import app

@@ -1,0 +1,124 @@
+"""A receiver of a scenario as C for a microcontroller, with a self-test from its own dive."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from sblcosim.fmus.build import firmware
+from sblcosim.fmus.stopping import interruptible
+from sblcosim.models import RECEIVERS, declared, file_name
+from sblcosim.models.declaration import Component
+
+from .. import artifacts
+from ..data.record import Record
+from ..errors import check_choice
+from ..scenario.files import naming_files
+from ..scenario.overrides import Changes
+from ..scenario.scenario import Scenario, load
+from ..simulation.execution import execute
+from ..simulation.plans.plan import PlannedComponent
+from .parts import fmu_plan
+
+
+@interruptible
+@naming_files
+def export_firmware(
+    receiver: str,
+    scenario: str | Path | Mapping[str, Any] | Scenario = "realistic-dive",
+    path: str | Path | None = None,
+    overrides: Changes = (),
+    *,
+    target: str = "cortex-m7",
+) -> Path:
+    """Write a receiver as C, with its README and a self-test, into a folder.
+
+    Its parameters are the scenario's. The self-test has the receptions of the scenario's dive, and
+    the outputs of the receiver's FMU.
+
+    Parameters
+    ----------
+    receiver
+        One of our receivers, by name.
+    path
+        The folder; None: ``firmware-RECEIVER``. An equal one is replaced.
+    scenario, overrides
+        As in `sblcosim.run`.
+    target
+        A key of `sblcosim.fmus.build.firmware.TARGETS`: it decides the flags, and where the
+        self-test runs.
+
+    Returns
+    -------
+    Path
+        The folder.
+
+    Raises
+    ------
+    ConfigurationError
+        The receiver or the target is unknown, the scenario is wrong, or the folder holds something
+        else.
+    BuildError
+        CasADi or a compiler is missing.
+    """
+    check_choice("RECEIVER", receiver, tuple(RECEIVERS))
+    check_choice("--target", target, tuple(firmware.TARGETS))
+    settled = load(scenario, overrides)
+    folder = Path(path or f"firmware-{receiver}")
+    manifest = {
+        "kind": "firmware", "receiver": receiver, "target": target,
+        "scenario": settled.dump_toml(),
+    }
+    artifacts.check(folder, manifest, "replace")
+    plan = fmu_plan(settled, (receiver,), None, 2, "firmware")
+    planned = next(c for c in plan.components if c.name == receiver)
+    constants = {"beacons": settled.beacons}
+    component = declared(receiver, **constants)
+    # CasADi is imported here: everything else can be wrong before it is needed
+    from sblcosim.models.loading import load as load_model
+
+    files = firmware.folder_files(
+        load_model(receiver, **constants),
+        file_name(receiver, **constants),
+        {s.port.name: [float(value) for value in s.values] for s in planned.settings},
+        planned.interval_ns,
+        target,
+        _recording(component, planned, execute(plan)),
+        f"Its parameters are those of the scenario {settled.name}.",
+    )
+    with artifacts.folder(folder, manifest) as part:
+        for name, content in files.items():
+            (part / name).write_bytes(content)
+    return folder
+
+
+def _recording(
+    component: Component, planned: PlannedComponent, record: Record
+) -> firmware.Recording:
+    """What a receiver had at its updates, and what it made of that.
+
+    Update k uses the inputs at k times its interval; outputs after it are those an interval later.
+    """
+    sources = {
+        port.name: connection.source for write in planned.writes
+        for port, connection in zip(write.ports, write.connections, strict=True)
+    }
+    own = np.flatnonzero(record.own(planned.name))
+
+    def elements(names: Mapping[str, str], causality: str, rows: Any) -> NDArray[np.float64]:
+        columns = []
+        for variable in component.of(causality):
+            if variable.name in names:
+                values = record.values[names[variable.name]][rows].astype(np.float64)
+            else:
+                values = np.tile(np.asarray(variable.starts, dtype=np.float64), (len(rows), 1))
+            columns.append(values.reshape(len(rows), -1))
+        return np.hstack(columns)
+
+    outputs = {v.name: f"{planned.name}.{v.name}" for v in component.of("output")}
+    return firmware.Recording(
+        elements(sources, "input", own[1:-1]), elements(outputs, "output", own[2:])
+    )
