@@ -10,7 +10,7 @@ from functools import partial
 import casadi as ca
 from sblcosim.models.equations import Functions, Model
 
-from .folding import Folded
+from .rolling import Rolled
 from .straight_line import NOWHERE, Array, Values, constant, statements
 from .tables import draw_blocks, draw_tables, noise_size
 
@@ -211,7 +211,7 @@ def _p(model: Model) -> Array:
 
 def _kind(model: Model) -> type[Values]:
     """How values of its functions follow from each other."""
-    return Folded if isinstance(model, Fixed) else Values
+    return Rolled if isinstance(model, Fixed) else Values
 
 
 def _equations(model: Model) -> Iterator[str]:
@@ -398,6 +398,8 @@ def _printed(
     rows
         Occasion on which the function may read rows, and the arguments for their numbers.
     """
+    if isinstance(model, Fixed):
+        where = ""  # a body runs only where its guard holds, for the one simulation
     return {
         value: [
             *_looked_up(functions, *rows),

@@ -61,7 +61,7 @@ LOGIC_OF_CONDITIONS: Mapping[int, str] = {
 _OF_A_NUMBER: Mapping[int, str] = {ca.OP_FMIN: "r_min({0}, {1})", ca.OP_FMAX: "r_max({0}, {1})"}
 """What these amount to where the second argument is a constant, and so not NaN."""
 
-_COSTLY = tuple(
+COSTLY = tuple(
     f"r_{name}(" for name in ("sin", "cos", "tan", "exp", "log", "atan", "atan2", "asin", "acos")
 )
 _CONSTANT = "r_set1({})"
@@ -157,20 +157,10 @@ def statements(
     }
     stores.pop(NOWHERE, None)
     stores = {target: value for target, value in stores.items() if values.texts[value] != target}
-    needed: set[str] = set()
-    writes = []
-    for target, value in stores.items():
-        condition, new = values.change(target, value) if where else ("", value)
-        needed |= {new, condition} - {""}
-        lanes = f"{where} & {condition}" if condition else where
-        writes.append(
-            f"{target} = r_blend({lanes}, {new}, {target});" if where else f"{target} = {new};"
-        )
-    # All reads come before any write: argument and result may be the same array.
-    return [*values.lines(needed), *writes]
+    return values.body(stores, where)
 
 
-def _parted(statements: Sequence[str]) -> Iterator[str]:
+def parted(statements: Sequence[str]) -> Iterator[str]:
     """The statements, with a mark after every `_PART` if there are many."""
     many = len(statements) > _WHOLE
     for number, statement in enumerate(statements):
@@ -277,15 +267,45 @@ class Values:
                 return condition, new
         return "", value
 
+    def body(self, stores: Mapping[str, str], where: str) -> list[str]:
+        """Statements that write values to their targets, where a mask is set ("": everywhere)."""
+        needed: set[str] = set()
+        writes = []
+        for target, value in stores.items():
+            condition, new = self.change(target, value) if where else ("", value)
+            needed |= {new, condition} - {""}
+            lanes = f"{where} & {condition}" if condition else where
+            writes.append(
+                f"{target} = r_blend({lanes}, {new}, {target});" if where else f"{target} = {new};"
+            )
+        # All reads come before any write: argument and result may be the same array.
+        return [*self.lines(needed), *writes]
+
     def lines(self, wanted: set[str]) -> list[str]:
         """Statements for the wanted values and everything they need."""
-        branches = self._branches(wanted)
+        branches = self.branches(wanted)
+        return self.printed([value for value in self.texts if value in branches], branches)
+
+    def printed(
+        self, order: Sequence[str], branches: Mapping[str, str],
+        others: Mapping[str, str] | None = None,
+    ) -> list[str]:
+        """Statements for values, each after those that it uses.
+
+        Parameters
+        ----------
+        branches
+            The branch of each value, from `branches`.
+        others
+            Statements that take the place of a value's own, or stand in the order themselves.
+        """
+        others = others or {}
         lines = {
-            value: f"const {'real' if value[0] == 'a' else 'mask'} {value} = {text};"
-            for value, text in self.texts.items()
-            if value in branches
+            value: others.get(value)
+            or f"const {'real' if value[0] == 'a' else 'mask'} {value} = {self.texts[value]};"
+            for value in order
         }
-        _pair_sines(lines, self.texts, branches)
+        pair_sines(lines, self.texts, branches)
         bodies: dict[str, list[str]] = {branch: [] for branch in ("", *branches.values())}
         for value, line in lines.items():
             if value in bodies:
@@ -296,9 +316,9 @@ class Values:
                     "}",
                 ])
             bodies[branches[value]].append(line)
-        return "\n".join(_parted(bodies[""])).splitlines()
+        return "\n".join(parted(bodies[""])).splitlines()
 
-    def _branches(self, wanted: set[str]) -> dict[str, str]:
+    def branches(self, wanted: set[str]) -> dict[str, str]:
         """The branch of each needed value: the value ``c ? x : 0`` that alone needs it, or "".
 
         Only a choice that saves an elementary function is worth a branch.
@@ -323,7 +343,7 @@ class Values:
         worthy = {
             branch
             for value, inner in branches.items()
-            if self.texts[value].startswith(_COSTLY)
+            if self.texts[value].startswith(COSTLY)
             for branch in path(inner)
         }
 
@@ -334,13 +354,13 @@ class Values:
         return {value: kept(branch) for value, branch in branches.items()}
 
 
-def _pair_sines(
+def pair_sines(
     lines: dict[str, str], texts: Mapping[str, str], branches: Mapping[str, str]
 ) -> None:
     """Compute sine and cosine of the same argument together, where both are needed."""
     first: dict[tuple[str, str], str] = {}
     for value in list(lines):
-        text = texts[value]
+        text = texts.get(value, "")
         if not text.startswith(("r_sin(", "r_cos(")):
             continue
         place = branches[value], text[5:]
