@@ -38,10 +38,10 @@ def fixed(model: Model, parameters: Mapping[str, Sequence[float]]) -> Fixed:
     whole = Fixed(**{it.name: getattr(model, it.name) for it in fields(Model)}, parameters=numbers)
     while True:
         found = _with_constants(whole)
-        rows = {loop: _rows_read(found, loop) for loop in found.each}
-        if rows == found.rows:
+        rows, apart = _rows_read(found)
+        if (rows, apart) == (found.rows, found.apart):
             return replace(found, unread=_unread(found))
-        whole = replace(whole, rows=rows)
+        whole = replace(whole, rows=rows, apart=apart)
 
 
 def _with_constants(whole: Fixed) -> Fixed:
@@ -204,18 +204,25 @@ def _holds(model: Fixed, loop: str, row: int = 0) -> bool:
 
 
 def _in_several_rows(model: Fixed) -> set[int]:
-    """States in loops that go through several of their rows: these stay one after another."""
+    """States in rows of loops that share their code: these stay one after another."""
     return {
-        state for loop, count in model.rows.items() if count > 1 for row in range(count)
-        for state in _row(model, loop, row)[0]
+        state for loop in model.each if len(model.together(loop)) > 1
+        for row in model.together(loop) for state in _row(model, loop, row)[0]
     }
 
 
-def _rows_read(model: Fixed, loop: str) -> int:
-    """Number of rows of a loop up to the last one that something depends on."""
+def _rows_read(model: Fixed) -> tuple[dict[str, int], dict[str, tuple[int, ...]]]:
+    """Number of rows of each loop up to the last one that something depends on, and those from the
+    first on of which something depends on other states than of row 0."""
     read = _read(model)
-    rows = range(model.rows[loop])
-    return 1 + max((row for row in rows if read & {*_row(model, loop, row)[0]}), default=-1)
+    rows, apart = {}, {}
+    for loop in model.each:
+        used = [[state in read for state in _row(model, loop, row)[0]]
+                for row in range(model.rows[loop])]
+        rows[loop] = 1 + max((row for row, it in enumerate(used) if any(it)), default=-1)
+        alike = next((row for row, it in enumerate(used) if it != used[0]), rows[loop])
+        apart[loop] = tuple(range(alike, rows[loop]))
+    return rows, apart
 
 
 def _unread(model: Fixed) -> frozenset[int]:

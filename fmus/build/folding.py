@@ -1,7 +1,8 @@
 """Values of a function some of whose arguments are known: what follows from them is computed here.
 
-Every rule is exact: the C that is left gives the bits of the C with all arguments. Only operations
-that IEEE 754 rounds correctly are computed, and a product with 0 stays, as it may be −0 or NaN.
+The C that is left gives the bits of the C with all arguments, as long as numbers are finite. Only
+operations that IEEE 754 rounds correctly are computed. A product with 0 stays, as it may be −0, but
+as a condition it never holds.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ class Folded(Values):
     known
         The numbers and truths of values that are known.
     nothing
-        Numbers that are 0, −0 or NaN, whichever; as a guard they never hold.
+        Numbers that are 0 or −0, whichever.
     """
 
     def __init__(self) -> None:
@@ -63,8 +64,11 @@ class Folded(Values):
         return super().real(value)
 
     def mask(self, value: str) -> str:
-        if value[0] == "a" and value in self.known and value not in self.converted:
-            self.converted[value] = self._truth(self.known[value] != 0)
+        if value not in self.converted and value[0] == "a":
+            if value in self.nothing:
+                self.converted[value] = self._truth(False)
+            elif value in self.known:
+                self.converted[value] = self._truth(self.known[value] != 0)
         return super().mask(value)
 
     def _truth(self, truth: bool) -> str:

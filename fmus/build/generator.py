@@ -32,12 +32,19 @@ class Fixed(Model):
         States that nothing reads; they have no place.
     rows
         Number of rows that a loop goes through, by its name, where that is less than it declares.
+    apart
+        Rows of a loop that have code of their own, as most of their states have no place.
     """
 
     parameters: Sequence[float] = ()
     constants: Mapping[int, float] = field(default_factory=dict)
     unread: frozenset[int] = frozenset()
     rows: Mapping[str, int] = field(default_factory=dict)
+    apart: Mapping[str, Sequence[int]] = field(default_factory=dict)
+
+    def together(self, loop: str) -> list[int]:
+        """Rows of a loop that share their code."""
+        return [n for n in range(rows_of(self, loop)) if n not in self.apart.get(loop, ())]
 
 
 def model_source(model: Model) -> str:
@@ -302,34 +309,50 @@ _OF_EACH = f"int variant, int row, mask going, real *x, {_UP}, real t"
 
 
 def _of_each(model: Model, loop: str, at: int) -> Iterator[str]:
-    """Guard and body of a loop over each row of some states, with pointers to the rows."""
-    x, p, stored, indices = _x(model), _p(model), _stored(model), state_indices(model)
-    only = rows_of(model, loop) == 1
-    row, into, pointers = [], [], []
-    for n, (first, _, columns) in enumerate(model.places(loop)):
-        if only:
-            row += x[first : first + columns]
-            into += stored[first : first + columns]
-            continue
-        pointers.append(f"real *const r{n} = x + {indices[first]} + row * {columns};")
-        row += [f"r{n}[{i}]" for i in range(columns)]
-        into += [f"r{n}[{i}]" for i in range(columns)]
-    number = [constant(0.0) if only else "r_set1((double)row)"]
-    arguments: list[Array] = [x, "u", p, ["t"], row, number]
-    guards = _printed(model, partial(_guard, loop), arguments, "c")
-    arguments = [x, "u", p, "w", ["t"], row, number]
-    bodies = _printed(model, partial(_body, loop), arguments, [*stored, *into], "going")
+    """Guard and body of a loop over each row of some states."""
+    guard, body = [], []
+    for row in model.apart.get(loop, ()) if isinstance(model, Fixed) else ():
+        for lines, found in zip((guard, body), _of_row(model, loop, row), strict=True):
+            lines += [f"if (row == {row}) {{", *(f"    {line}" for line in found),
+                      "    return;", "}"]
+    for lines, found in zip((guard, body), _of_row(model, loop, None), strict=True):
+        lines += found
     names = ["row", "x", "u", "p", "t"]
-    unused = [f"(void)r{n};" for n in range(len(pointers))]
-    yield _variants(
-        f"guard_{at}(int variant, int row, real *x, {_UP}, real t, real *c)",
-        {value: [*pointers, *unused, *lines] for value, lines in guards.items()}, names,
+    yield procedure(
+        f"guard_{at}(int variant, int row, real *x, {_UP}, real t, real *c)", guard,
+        ["variant", *names],
     )
-    yield _variants(
-        f"body_{at}({_OF_EACH})",
-        {value: [*pointers, *unused, *lines] for value, lines in bodies.items()},
-        [*names, "going"],
+    yield procedure(f"body_{at}({_OF_EACH})", body, ["variant", *names, "going"])
+
+
+def _of_row(model: Model, loop: str, row: int | None) -> tuple[list[str], list[str]]:
+    """Statements for a row; None: for all rows together, with pointers to them if there are several.
+    """
+    x, p, stored, indices = _x(model), _p(model), _stored(model), state_indices(model)
+    together = model.together(loop) if isinstance(model, Fixed) else []
+    if row is None and len(together) == 1:
+        row = together[0]
+    own, into, pointers = [], [], []
+    for n, (first, _, columns) in enumerate(model.places(loop)):
+        if row is None:
+            pointers += [f"real *const r{n} = x + {indices[first]} + row * {columns};",
+                         f"(void)r{n};"]
+            own += [f"r{n}[{i}]" for i in range(columns)]
+            into += own[-columns:]
+        else:
+            start = first + row * columns
+            own += x[start : start + columns]
+            into += stored[start : start + columns]
+    number = ["r_set1((double)row)" if row is None else constant(float(row))]
+    more: list[Array] = [own, number]
+    (guard,), (body,) = (
+        _printed(model, partial(pick, loop), arguments, result, where).values()
+        for pick, arguments, result, where in (
+            (_guard, [x, "u", p, ["t"], *more], "c", ""),
+            (_body, [x, "u", p, "w", ["t"], *more], [*stored, *into], "going"),
+        )
     )
+    return [*pointers, *guard], [*pointers, *body]
 
 
 def rows_of(model: Model, loop: str) -> int:

@@ -153,7 +153,7 @@ def statements(
     """
     values, results = evaluated(function, arguments, kind)
     stores = {  # element of the result -> value
-        _element(result, i): value for i, value in results.items() if i not in without
+        _element(result, i): value for i, value in sorted(results.items()) if i not in without
     }
     stores.pop(NOWHERE, None)
     stores = {target: value for target, value in stores.items() if values.texts[value] != target}
