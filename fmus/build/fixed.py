@@ -5,12 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import partial
 
 import casadi as ca
 import numpy as np
 from sblcosim.models.equations import Model
 
-from .folding import Folded
+from .folding import MOST, Few, Folded
 from .generator import Fixed, rows_of, state_indices
 from .straight_line import Array, constant, evaluated
 
@@ -45,18 +46,26 @@ def fixed(model: Model, parameters: Mapping[str, Sequence[float]]) -> Fixed:
 
 
 def _with_constants(whole: Fixed) -> Fixed:
-    """The model without idle loops, and with the states that are always the same.
+    """The model without idle loops, and with what states can be that have few values.
 
-    Each state that starts from a number is taken for constant until something changes it.
+    Each state that starts from a number is taken for that, until something gives it another value.
     """
-    constants = {state: number for state, number in _start(whole).changes() if number is not None}
+    few = {state: values for state, values in _start(whole).stored() if values}
     while True:
-        found = _without_idle(replace(whole, constants=constants))
-        variable = {state for part in _parts(found) for state, _ in part.changes()}
-        variable |= _in_several_rows(found)
-        if not variable & constants.keys():
+        found = _without_idle(replace(whole, few=few))
+        more: dict[int, Few] = dict(few)
+        for part in _parts(found):
+            for state, values in part.stored():
+                if more.get(state):  # once it can be anything, it stays so
+                    more[state] = more[state] | values if values else frozenset()
+        several = _in_several_rows(found)
+        more = {
+            state: values for state, values in more.items()
+            if values and len(values) <= MOST and state not in several
+        }
+        if more == few:
             return found
-        constants = {i: number for i, number in constants.items() if i not in variable}
+        few = more
 
 
 @dataclass(frozen=True)
@@ -71,23 +80,17 @@ class _Part:
         States that it may change, and the values that they get.
     roots
         Values that matter in any case.
-    constants
-        See `Fixed`.
     """
 
     values: Folded
     stores: Sequence[tuple[int, str]]
     roots: Sequence[str]
-    constants: Mapping[int, float]
 
-    def changes(self) -> Iterator[tuple[int, float | None]]:
-        """The states that it changes, and their new values where these are known."""
+    def stored(self) -> Iterator[tuple[int, Few]]:
+        """The states that it may change, and all that they can become; empty: not known."""
         for state, value in self.stores:
-            new = self.values.known.get(value)
-            old = self.constants.get(state)
-            same = new is not None and old is not None and _bits(new) == _bits(old)
-            if self.values.texts[value] != f"s[{state}]" and not same:
-                yield state, new
+            if self.values.texts[value] != f"s[{state}]":
+                yield state, self.values.possible(value)
 
     def reads(self, values: Sequence[str]) -> set[int]:
         """The states that values follow from."""
@@ -102,10 +105,6 @@ class _Part:
         return {int(match[1]) for match in texts if match}
 
 
-def _bits(number: float) -> str:
-    return float(number).hex()
-
-
 def _s(model: Fixed) -> list[str]:
     """The states as arguments."""
     n = sum(rows * columns for rows, columns in model.states.values())
@@ -118,12 +117,12 @@ def _part(
     states: Sequence[int] | None = None,
 ) -> _Part:
     """A function that changes states, or whose results matter in any case."""
-    values, results = evaluated(function, arguments, Folded)
+    few = {f"s[{state}]": values for state, values in model.few.items()}
+    values, results = evaluated(function, arguments, partial(Folded, few))
     assert isinstance(values, Folded)
     if states is None:
-        return _Part(values, (), tuple(results.values()), model.constants)
-    stores = [(states[i], value) for i, value in results.items()]
-    return _Part(values, stores, (), model.constants)
+        return _Part(values, (), tuple(results.values()))
+    return _Part(values, [(states[i], value) for i, value in results.items()], ())
 
 
 def _start(model: Fixed) -> _Part:

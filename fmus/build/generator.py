@@ -10,6 +10,7 @@ from functools import partial
 import casadi as ca
 from sblcosim.models.equations import Functions, Model
 
+from .folding import Few
 from .rolling import Rolled
 from .straight_line import NOWHERE, Array, Values, constant, statements
 from .tables import draw_blocks, draw_tables, noise_size
@@ -26,8 +27,8 @@ class Fixed(Model):
     ----------
     parameters
         Values of the elements of all parameters.
-    constants
-        States that always have the same value, and that value.
+    few
+        All values of states that have few.
     unread
         States that nothing reads; they have no place.
     rows
@@ -37,10 +38,15 @@ class Fixed(Model):
     """
 
     parameters: Sequence[float] = ()
-    constants: Mapping[int, float] = field(default_factory=dict)
+    few: Mapping[int, Few] = field(default_factory=dict)
     unread: frozenset[int] = frozenset()
     rows: Mapping[str, int] = field(default_factory=dict)
     apart: Mapping[str, Sequence[int]] = field(default_factory=dict)
+
+    @property
+    def constants(self) -> dict[int, float]:
+        """States that always have the same value, and that value."""
+        return {i: float.fromhex(min(few)) for i, few in self.few.items() if len(few) == 1}
 
     def together(self, loop: str) -> list[int]:
         """Rows of a loop that share their code."""
@@ -216,9 +222,12 @@ def _p(model: Model) -> Array:
     return [constant(value) for value in model.parameters] if isinstance(model, Fixed) else "p"
 
 
-def _kind(model: Model) -> type[Values]:
+def _kind(model: Model) -> Callable[[], Values]:
     """How values of its functions follow from each other."""
-    return Rolled if isinstance(model, Fixed) else Values
+    if not isinstance(model, Fixed):
+        return Values
+    stored = _stored(model)
+    return partial(Rolled, {stored[state]: few for state, few in model.few.items()})
 
 
 def _equations(model: Model) -> Iterator[str]:

@@ -7,7 +7,7 @@ simulation. The text is the same, and so are the bits.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 
 import casadi as ca
 
@@ -86,7 +86,7 @@ def _element(array: Array, i: int) -> str:
 
 
 def evaluated(
-    function: ca.Function, arguments: Sequence[Array], kind: type[Values] | None = None
+    function: ca.Function, arguments: Sequence[Array], kind: Callable[[], Values] | None = None
 ) -> tuple[Values, dict[int, str]]:
     """The values of a function, and the value of each element of its result.
 
@@ -128,7 +128,7 @@ def evaluated(
 
 def statements(
     function: ca.Function, arguments: Sequence[Array], result: Array, where: str = "",
-    without: Collection[int] = (), kind: type[Values] | None = None,
+    without: Collection[int] = (), kind: Callable[[], Values] | None = None,
 ) -> list[str]:
     """The C statements of a function.
 
@@ -144,7 +144,7 @@ def statements(
     without
         Elements of the result that are not written.
     kind
-        How values follow from each other: `Values`, or a subclass.
+        Makes what says how values follow from each other; None: `Values`.
 
     Raises
     ------
