@@ -335,8 +335,7 @@ def _of_each(model: Model, loop: str, at: int) -> Iterator[str]:
 
 
 def _of_row(model: Model, loop: str, row: int | None) -> tuple[list[str], list[str]]:
-    """Statements for a row; None: for all rows together, with pointers to them if there are several.
-    """
+    """Guard and body for a row; None: for all rows that share them, with pointers to these."""
     x, p, stored, indices = _x(model), _p(model), _stored(model), state_indices(model)
     together = model.together(loop) if isinstance(model, Fixed) else []
     if row is None and len(together) == 1:

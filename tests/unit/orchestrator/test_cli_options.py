@@ -50,6 +50,7 @@ BEFORE: dict[str, tuple[str, ...]] = {
     "conformance": ("ekf.fmu",),
     "export ssp": ("paper-scenario-1",),
     "export fmu": ("paper-scenario-1",),
+    "firmware": ("ekf", "paper-scenario-1"),
 }
 """Arguments with which a command would work, by its name."""
 WRONG: dict[str, tuple[str, ...]] = {

@@ -36,6 +36,7 @@ from sblcosim.comparison.tournament.run import compare
 from sblcosim.comparison.tournament.worst import worst_run
 from sblcosim.estimation.after import smooth
 from sblcosim.export.container import export_fmu
+from sblcosim.export.firmware import export_firmware
 from sblcosim.export.ssp import export_ssp
 from sblcosim.fmus.build.factory import build
 from sblcosim.fmus.conformance.kit import examine
@@ -136,6 +137,7 @@ CASES = [
     Case(("conformance", "x.fmu"), (examine,)),
     Case(("export", "ssp", SCENARIO), (export_ssp,)),
     Case(("export", "fmu", SCENARIO), (export_fmu,)),
+    Case(("firmware", "ekf"), (export_firmware,)),
 ]  # fmt: skip
 
 VALUES = {
@@ -149,6 +151,7 @@ VALUES = {
     "new --beacons": "1 2 3; 4 5 6; 7 8 0",
     "build --beacons": "5",
     "--platform": "wasm32",
+    "--target": "host",
     "--mounting": "0.3",
     "--gps": "rtk",
     "--compass": "7",
