@@ -21,6 +21,7 @@ from .c_files import FIRMWARE, SELFTEST, c_files
 from .factory import engine_sources
 from .fixed import fixed
 from .generator import Fixed, state_indices
+from .targets import FLAGS, TARGETS
 
 _TYPES = {"Float64": "double", "Int32": "int32_t", "Boolean": "bool"}
 _INCLUDE = re.compile(r'^#include "(.+)".*$', re.MULTILINE)
@@ -187,44 +188,8 @@ def _comment(text: str, indent: str) -> list[str]:
             for n, line in enumerate(lines)]
 
 
-@dataclass(frozen=True)
-class Target:
-    """What a receiver is compiled for.
-
-    Attributes
-    ----------
-    words
-        The processor, in a few words.
-    compiler, flags
-        Command, and what it is told of the processor.
-    board
-        The board that qemu emulates; empty: the self-test runs on this machine.
-    """
-
-    words: str
-    compiler: str
-    flags: str
-    board: str = ""
-
-
-_ARM = "arm-none-eabi-gcc"
-TARGETS: Mapping[str, Target] = {
-    "cortex-m7": Target(
-        "Cortex-M7 with a floating-point unit for doubles", _ARM,
-        "-mcpu=cortex-m7 -mthumb -mfpu=fpv5-d16 -mfloat-abi=hard", "mps2-an500",
-    ),
-    "cortex-m4": Target(
-        "Cortex-M4, whose floating-point unit has no doubles: they are computed in software", _ARM,
-        "-mcpu=cortex-m4 -mthumb -mfpu=fpv4-sp-d16 -mfloat-abi=hard", "mps2-an386",
-    ),
-    "host": Target("the machine that compiles it", "cc", ""),
-}
-FLAGS = "-std=c11 -Os -ffp-contract=off -fno-math-errno -Wall -Wextra"
-"""Flags for every target. Only ``-ffp-contract=off`` matters for the numbers."""
-
-
 @dataclass(frozen=True, eq=False)
-class Recording:
+class RecordedDive:
     """A recorded dive of a receiver.
 
     Attributes
@@ -239,7 +204,7 @@ class Recording:
     outputs: NDArray[np.float64]
 
 
-def recording_source(model: Model, name: str, recording: Recording) -> str:
+def recording_source(model: Model, name: str, recording: RecordedDive) -> str:
     """``recording.h``: changes of inputs and outputs, and the table of their places."""
     lines = [
         "/* Receptions of a recorded dive, and what the receiver made of them. */",
@@ -301,14 +266,14 @@ def _elements(model: Model, name: str) -> Iterator[str]:
 
 def folder_files(
     model: Model, name: str, parameters: Mapping[str, Sequence[float]], interval_ns: int,
-    target: str, recording: Recording, about: str,
+    target: str, recording: RecordedDive, about: str,
 ) -> dict[str, bytes]:
     """All files of a folder: the receiver, how to use it, and its self-test.
 
     Parameters
     ----------
     target
-        A key of `TARGETS`.
+        A key of `sblcosim.fmus.build.targets.TARGETS`.
     about
         Where the parameters and the recorded dive come from.
 

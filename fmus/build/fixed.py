@@ -128,13 +128,13 @@ def _part(
 def _start(model: Fixed) -> _Part:
     """What a model starts from."""
     functions, = model.variants.values()
-    return _part(model, functions.initial, [_p(model), "w", ["t"]], range(len(_s(model))))
+    return _part(model, functions.initial, [_numbers(model), "w", ["t"]], range(len(_s(model))))
 
 
 def _parts(model: Fixed) -> Iterator[_Part]:
     """All functions of a model but its start."""
     functions, = model.variants.values()
-    s, p = _s(model), _p(model)
+    s, p = _s(model), _numbers(model)
     yield _part(model, functions.tick, [s, "u", p, "w", ["t"], ["k"]], range(len(s)))
     yield _part(model, functions.output, [s, "u", p, ["t"]])
     for loop in (*model.advance, *model.iterate):
@@ -145,7 +145,7 @@ def _parts(model: Fixed) -> Iterator[_Part]:
             yield _part(model, functions.bodies[loop], arguments, [*range(len(s)), *places])
 
 
-def _p(model: Fixed) -> list[str]:
+def _numbers(model: Fixed) -> list[str]:
     return [constant(number) for number in model.parameters]
 
 
@@ -196,7 +196,7 @@ def _inside(model: Model, loop: str) -> Sequence[str]:
 def _holds(model: Fixed, loop: str, row: int = 0) -> bool:
     """Whether the guard of a loop, or of one of its rows, can hold."""
     functions, = model.variants.values()
-    arguments = [_s(model), "u", _p(model), ["t"], *_row(model, loop, row)[1]]
+    arguments = [_s(model), "u", _numbers(model), ["t"], *_row(model, loop, row)[1]]
     part = _part(model, functions.guards[loop], arguments)
     return any(it not in part.values.nothing and part.values.known.get(it) != 0
                for it in part.roots)

@@ -217,7 +217,7 @@ def _x(model: Model) -> list[str]:
     return x
 
 
-def _p(model: Model) -> Array:
+def _numbers(model: Model) -> Array:
     """The parameters in C."""
     return [constant(value) for value in model.parameters] if isinstance(model, Fixed) else "p"
 
@@ -232,7 +232,7 @@ def _kind(model: Model) -> Callable[[], Values]:
 
 def _equations(model: Model) -> Iterator[str]:
     """Functions of an engine for the start, the ticks and the outputs."""
-    x, p, stored = _x(model), _p(model), _stored(model)
+    x, p, stored = _x(model), _numbers(model), _stored(model)
     y = [f"x[{i}]" for i in range(sum(v.size for v in model.component.of("output")))]
     initial = _printed(model, lambda f: f.initial, [p, "w", ["t"]], stored, "", ("initial", [p]))
     for value, functions in model.variants.items():
@@ -264,7 +264,7 @@ def _equations(model: Model) -> Iterator[str]:
 
 def _loops(model: Model) -> Iterator[str]:
     """Guard and body of each loop, and the functions that select them by number."""
-    x, p, stored = _x(model), _p(model), _stored(model)
+    x, p, stored = _x(model), _numbers(model), _stored(model)
     loops = (*model.advance, *model.iterate)
     for number, loop in enumerate(loops):
         if loop in model.each:
@@ -336,7 +336,7 @@ def _of_each(model: Model, loop: str, at: int) -> Iterator[str]:
 
 def _of_row(model: Model, loop: str, row: int | None) -> tuple[list[str], list[str]]:
     """Guard and body for a row; None: for all rows that share them, with pointers to these."""
-    x, p, stored, indices = _x(model), _p(model), _stored(model), state_indices(model)
+    x, p, stored, indices = _x(model), _numbers(model), _stored(model), state_indices(model)
     together = model.together(loop) if isinstance(model, Fixed) else []
     if row is None and len(together) == 1:
         row = together[0]

@@ -20,10 +20,10 @@ _NAME = re.compile(r"\b[am]\d+\b")
 _PLACE = re.compile(r"(\w+)\[(\d+)\]")
 _ARRAY = "v"
 """Array of the values that loops compute or use."""
-_MANY = 2000
+MANY = 2000
 """Fewest values of a function with loops: they take longer, and the size of others hardly matters.
 """
-_LEAST = 200
+LEAST = 200
 """Least that a loop must save [B]. Of `coupled` on a Cortex-M7, 0 saves 3 kB more and costs a
 twentieth more instructions; 1000 costs 18 kB and saves a sixth of the instructions."""
 _FEWEST = 4
@@ -62,7 +62,7 @@ class Rolled(Folded):
         wanted = set(stores.values())
         branches = self.branches(wanted)
         needed = [value for value in self.texts if value in branches]
-        if where or len(needed) < _MANY:
+        if where or len(needed) < MANY:
             return super().body(stores, where)
         trees = self._trees(needed, wanted)
         groups = [group for group in self._groups(trees, branches) if self._worth(group)]
@@ -136,7 +136,7 @@ class Rolled(Folded):
         one = len(group[0].nodes) + len(group[0].leaves) + 1
         varying = sum(self.differ(column) for column in _columns(group))
         loop = _LOOP + _OPERATION * one + varying * (_COLUMN + 2 * len(group))
-        return loop + _LEAST < _OPERATION * one * len(group)
+        return loop + LEAST < _OPERATION * one * len(group)
 
 
 def _columns(group: Sequence[_Tree]) -> Iterator[tuple[str, ...]]:

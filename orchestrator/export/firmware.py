@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from sblcosim.fmus.build import firmware
+from sblcosim.fmus.build.targets import TARGETS
 from sblcosim.fmus.stopping import interruptible
 from sblcosim.models import RECEIVERS, declared, file_name
 from sblcosim.models.declaration import Component
@@ -48,7 +48,7 @@ def export_firmware(
     scenario, overrides
         As in `sblcosim.run`.
     target
-        A key of `sblcosim.fmus.build.firmware.TARGETS`: it decides the flags, and where the
+        A key of `sblcosim.fmus.build.targets.TARGETS`: it decides the flags, and where the
         self-test runs.
 
     Returns
@@ -65,7 +65,7 @@ def export_firmware(
         CasADi or a compiler is missing.
     """
     check_choice("RECEIVER", receiver, tuple(RECEIVERS))
-    check_choice("--target", target, tuple(firmware.TARGETS))
+    check_choice("--target", target, tuple(TARGETS))
     settled = load(scenario, overrides)
     folder = Path(path or f"firmware-{receiver}")
     manifest = {
@@ -73,31 +73,36 @@ def export_firmware(
         "scenario": settled.dump_toml(),
     }
     artifacts.check(folder, manifest, "replace")
-    plan = fmu_plan(settled, (receiver,), None, 2, "firmware")
-    planned = next(c for c in plan.components if c.name == receiver)
-    constants = {"beacons": settled.beacons}
-    component = declared(receiver, **constants)
-    # CasADi is imported here: everything else can be wrong before it is needed
-    from sblcosim.models.loading import load as load_model
-
-    files = firmware.folder_files(
-        load_model(receiver, **constants),
-        file_name(receiver, **constants),
-        {s.port.name: [float(value) for value in s.values] for s in planned.settings},
-        planned.interval_ns,
-        target,
-        _recording(component, planned, execute(plan)),
-        f"Its parameters are those of the scenario {settled.name}.",
-    )
+    files = _files(receiver, settled, target)
     with artifacts.folder(folder, manifest) as part:
         for name, content in files.items():
             (part / name).write_bytes(content)
     return folder
 
 
+def _files(receiver: str, scenario: Scenario, target: str) -> dict[str, bytes]:
+    """The content of the folder, by file."""
+    plan = fmu_plan(scenario, (receiver,), None, 2, "firmware")
+    planned = next(c for c in plan.components if c.name == receiver)
+    constants = {"beacons": scenario.beacons}
+    recording = _recording(declared(receiver, **constants), planned, execute(plan))
+    from sblcosim.fmus.build import firmware  # imports CasADi
+    from sblcosim.models.loading import load as load_model
+
+    return firmware.folder_files(
+        load_model(receiver, **constants),
+        file_name(receiver, **constants),
+        {s.port.name: [float(value) for value in s.values] for s in planned.settings},
+        planned.interval_ns,
+        target,
+        firmware.RecordedDive(*recording),
+        f"Its parameters are those of the scenario {scenario.name}.",
+    )
+
+
 def _recording(
     component: Component, planned: PlannedComponent, record: Record
-) -> firmware.Recording:
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """What a receiver had at its updates, and what it made of that.
 
     Update k uses the inputs at k times its interval; outputs after it are those an interval later.
@@ -119,6 +124,5 @@ def _recording(
         return np.hstack(columns)
 
     outputs = {v.name: f"{planned.name}.{v.name}" for v in component.of("output")}
-    return firmware.Recording(
-        elements(sources, "input", own[1:-1]), elements(outputs, "output", own[2:])
-    )
+    inputs = elements(sources, "input", own[1:-1])
+    return inputs, elements(outputs, "output", own[2:])

@@ -15,7 +15,7 @@ import pytest
 import sblcosim
 from sblcosim.errors import ConfigurationError
 from sblcosim.fmus.build import compiler
-from sblcosim.fmus.build.firmware import FLAGS, TARGETS
+from sblcosim.fmus.build.targets import FLAGS, TARGETS
 from sblcosim.models import RECEIVERS
 
 ARM = [name for name, target in TARGETS.items() if target.board]

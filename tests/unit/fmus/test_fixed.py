@@ -131,8 +131,8 @@ def alike(n: int) -> tuple[ca.Function, int]:
 def test_loops_give_the_bits_of_straight_lines(
     n: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(rolling, "_MANY", 0)
-    monkeypatch.setattr(rolling, "_LEAST", -10_000)
+    monkeypatch.setattr(rolling, "MANY", 0)
+    monkeypatch.setattr(rolling, "LEAST", -10_000)
     function, size = alike(n)
     kinds: dict[str, Callable[[], Values]] = {"straight": Values, "rolled": Rolled}
     texts = {name: statements(function, ["x"], "y", kind=kind) for name, kind in kinds.items()}
