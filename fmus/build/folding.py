@@ -15,7 +15,7 @@ from typing import Any
 
 import casadi as ca
 
-from .straight_line import COMPARISONS, LOGIC, LOGIC_OF_CONDITIONS, Values, constant
+from .straight_line import COMPARISONS, LOGIC, LOGIC_OF_CONDITIONS, Computation, constant
 
 _EXACT: Mapping[int, Callable[..., float]] = {
     ca.OP_ADD: operator.add,
@@ -41,7 +41,7 @@ _ALIAS = "{0}"
 _TRUTHS = {False: "m_true(r_set1(0.0))", True: "m_true(r_set1(1.0))"}
 
 
-class Folded(Values):
+class Folded(Computation):
     """Values, with numbers and conditions that are known.
 
     Attributes

@@ -12,7 +12,7 @@ from sblcosim.models.equations import Functions, Model
 
 from .folding import Few
 from .rolling import Rolled
-from .straight_line import NOWHERE, Array, Values, constant, statements
+from .straight_line import NOWHERE, Array, Computation, constant, statements
 from .tables import draw_blocks, draw_tables, noise_size
 
 _UP = "const real *u, const real *p"
@@ -26,7 +26,7 @@ class Fixed(Model):
     Attributes
     ----------
     parameters
-        Values of the elements of all parameters.
+        Computation of the elements of all parameters.
     few
         All values of states that have few.
     unread
@@ -222,10 +222,10 @@ def _numbers(model: Model) -> Array:
     return [constant(value) for value in model.parameters] if isinstance(model, Fixed) else "p"
 
 
-def _kind(model: Model) -> Callable[[], Values]:
+def _kind(model: Model) -> Callable[[], Computation]:
     """How values of its functions follow from each other."""
     if not isinstance(model, Fixed):
-        return Values
+        return Computation
     stored = _stored(model)
     return partial(Rolled, {stored[state]: few for state, few in model.few.items()})
 

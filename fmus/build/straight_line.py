@@ -86,8 +86,8 @@ def _element(array: Array, i: int) -> str:
 
 
 def evaluated(
-    function: ca.Function, arguments: Sequence[Array], kind: Callable[[], Values] | None = None
-) -> tuple[Values, dict[int, str]]:
+    function: ca.Function, arguments: Sequence[Array], kind: Callable[[], Computation] | None = None
+) -> tuple[Computation, dict[int, str]]:
     """The values of a function, and the value of each element of its result.
 
     Parameters
@@ -100,7 +100,7 @@ def evaluated(
     NotImplementedError
         An instruction has no counterpart in C; the message names it.
     """
-    values = (kind or Values)()
+    values = (kind or Computation)()
     registers: dict[int, str] = {}  # current content of CasADi's work registers
     results: dict[int, str] = {}
     for i in range(function.n_instructions()):
@@ -128,7 +128,7 @@ def evaluated(
 
 def statements(
     function: ca.Function, arguments: Sequence[Array], result: Array, where: str = "",
-    without: Collection[int] = (), kind: Callable[[], Values] | None = None,
+    without: Collection[int] = (), kind: Callable[[], Computation] | None = None,
 ) -> list[str]:
     """The C statements of a function.
 
@@ -144,7 +144,7 @@ def statements(
     without
         Elements of the result that are not written.
     kind
-        Makes what says how values follow from each other; None: `Values`.
+        Makes what says how values follow from each other; None: `Computation`.
 
     Raises
     ------
@@ -169,7 +169,7 @@ def parted(statements: Sequence[str]) -> Iterator[str]:
         yield statement
 
 
-class Values:
+class Computation:
     """The values of a function, in order; each is a number (``a1``) or a condition (``m1``).
 
     CasADi's conditions are numbers, 0 or 1. Here they stay masks until arithmetic uses them, which

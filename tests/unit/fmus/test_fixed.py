@@ -18,7 +18,7 @@ from sblcosim.fmus.build.fixed import fixed
 from sblcosim.fmus.build.folding import Folded
 from sblcosim.fmus.build.generator import Fixed, model_source, state_indices
 from sblcosim.fmus.build.rolling import Rolled
-from sblcosim.fmus.build.straight_line import Values, constant, evaluated, statements
+from sblcosim.fmus.build.straight_line import Computation, constant, evaluated, statements
 from sblcosim.models import RECEIVERS
 from sblcosim.models.loading import load
 
@@ -134,7 +134,7 @@ def test_loops_give_the_bits_of_straight_lines(
     monkeypatch.setattr(rolling, "MANY", 0)
     monkeypatch.setattr(rolling, "LEAST", -10_000)
     function, size = alike(n)
-    kinds: dict[str, Callable[[], Values]] = {"straight": Values, "rolled": Rolled}
+    kinds: dict[str, Callable[[], Computation]] = {"straight": Computation, "rolled": Rolled}
     texts = {name: statements(function, ["x"], "y", kind=kind) for name, kind in kinds.items()}
     assert ("for (" in "".join(texts["rolled"])) == (n > 2) or n == 2
     assert "for (" not in "".join(texts["straight"])
