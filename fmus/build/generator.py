@@ -26,7 +26,7 @@ class Fixed(Model):
     Attributes
     ----------
     parameters
-        Computation of the elements of all parameters.
+        Values of the elements of all parameters.
     few
         All values of states that have few.
     unread
