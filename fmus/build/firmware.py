@@ -14,7 +14,7 @@ from importlib.resources import files as resources
 import jinja2
 import numpy as np
 from numpy.typing import NDArray
-from sblcosim.models.declaration import Variable
+from sblcosim.models.declaration import Causality, Variable
 from sblcosim.models.equations import Model
 
 from .c_files import FIRMWARE, SELFTEST, c_files
@@ -216,8 +216,8 @@ def recording_source(model: Model, name: str, recording: RecordedDive) -> str:
         "    unsigned short element;",
         "};",
     ]
-    ports = (("input", recording.inputs), ("output", recording.outputs))
-    columns = [_bits(model.component.of(causality), values) for causality, values in ports]
+    columns = [_bits(model.component.of("input"), recording.inputs),
+               _bits(model.component.of("output"), recording.outputs)]
     changes: list[str] = []
     values: list[str] = []
     counts = []
@@ -254,7 +254,8 @@ def _bits(variables: Sequence[Variable], values: NDArray[np.float64]) -> list[li
 
 def _elements(model: Model, name: str) -> Iterator[str]:
     """A table in C of the place and size of each element of inputs and outputs, in their order."""
-    for causality in ("input", "output"):
+    causalities: tuple[Causality, ...] = ("input", "output")
+    for causality in causalities:
         yield f"static const struct place {causality}s[] = {{"
         for v in model.component.of(causality):
             kind = _TYPES[v.type]
@@ -284,7 +285,7 @@ def folder_files(
     """
     own = sources(model, name, parameters, interval_ns)
     chosen = TARGETS[target]
-    extra = c_files(SELFTEST.values())
+    extra = c_files([*SELFTEST.values()])
     for_board = ("measure.h", "board.c", "board.ld")
     texts = {
         **own, "recording.h": recording_source(model, name, recording),

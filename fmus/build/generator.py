@@ -319,7 +319,8 @@ _OF_EACH = f"int variant, int row, mask going, real *x, {_UP}, real t"
 
 def _of_each(model: Model, loop: str, at: int) -> Iterator[str]:
     """Guard and body of a loop over each row of some states."""
-    guard, body = [], []
+    guard: list[str] = []
+    body: list[str] = []
     for row in model.apart.get(loop, ()) if isinstance(model, Fixed) else ():
         for lines, found in zip((guard, body), _of_row(model, loop, row), strict=True):
             lines += [f"if (row == {row}) {{", *(f"    {line}" for line in found),

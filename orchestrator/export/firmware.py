@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sblcosim.fmus.build.targets import TARGETS
 from sblcosim.fmus.stopping import interruptible
 from sblcosim.models import RECEIVERS, declared, file_name
-from sblcosim.models.declaration import Component
+from sblcosim.models.declaration import Causality, Component
 
 from .. import artifacts
 from ..data.record import Record
@@ -113,7 +113,7 @@ def _recording(
     }
     own = np.flatnonzero(record.own(planned.name))
 
-    def elements(names: Mapping[str, str], causality: str, rows: Any) -> NDArray[np.float64]:
+    def elements(names: Mapping[str, str], causality: Causality, rows: Any) -> NDArray[np.float64]:
         columns = []
         for variable in component.of(causality):
             if variable.name in names:

@@ -57,6 +57,7 @@ WRONG: dict[str, tuple[str, ...]] = {
     "receiver": ("nobody",),
     "set_": ("acoustics.range_std_m=-1", "nonsense", "platform.nothing=1"),
     "seed": ("-1", "x", "99999999999"),
+    "target": ("z80",),
     "fmi": ("4",),
     "master": ("nobody",),
     "trajectories": ("kml",),
