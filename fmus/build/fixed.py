@@ -138,8 +138,11 @@ def _parts(model: Fixed) -> Iterator[_Part]:
     yield _part(model, functions.tick, [s, "u", p, "w", ["t"], ["k"]], range(len(s)))
     yield _part(model, functions.output, [s, "u", p, ["t"]])
     for loop in (*model.advance, *model.iterate):
-        for row in range(model.rows.get(loop, 1)):
-            places, more = _row(model, loop, row)
+        rows = [_row(model, loop, row) for row in range(model.rows.get(loop, 1))]
+        if len(model.together(loop)) > 1:  # their code is for any row, and reads what one may
+            states, (own, _) = rows[0]
+            rows.append((states, [own, ["row"]]))
+        for places, more in rows:
             yield _part(model, functions.guards[loop], [s, "u", p, ["t"], *more])
             arguments = [s, "u", p, "w", ["t"], *more]
             yield _part(model, functions.bodies[loop], arguments, [*range(len(s)), *places])
