@@ -684,6 +684,13 @@ OTHER_FILES: dict[str, tuple[Files, tuple[str, str]]] = {
     "file that is not imported": (
         {"m": "def target(): return 1\n", "helper": "X = VALUE\n"}, ONE_TWO,
     ),
+    "file whose name is handed to another function": (
+        {"m": "def target(): return len('helper')\n", "helper": "X = VALUE\n"}, ONE_TWO,
+    ),
+    "number that is handed to a function of the same name": (
+        {"m": "def import_module(n): return n\ndef target(): return import_module(VALUE)\n"},
+        ("1", "1"),
+    ),
     "another function's module is there or not": (
         {"m": "import helper\ndef target(): return helper.X\n", "helper": "X = 1\n",
          "deeper": "X = VALUE\n"}, ONE_TWO,
