@@ -212,7 +212,11 @@ def test_every_setting_function_is_tried() -> None:
 # --- Values as recorded ---------------------------------------------------------------------------
 
 
-def full(name: str, ranging: str) -> Tables:
+PATHS = ("square", "spiral", "random_path")
+"""Trajectories, one for each kind of ranging."""
+
+
+def full(name: str, ranging: str, trajectory: str) -> Tables:
     """A shipped scenario in which no real number is 0; a key's number depends on no other key."""
     tables = tables_of(name)
     for path, variable in REAL.items():
@@ -221,6 +225,7 @@ def full(name: str, ranging: str) -> Tables:
         setattr(getattr(tables, table), key,
                 tuple(one() for _ in value) if isinstance(value, tuple) else one())
     tables.acoustics.ranging = ranging
+    tables.target.trajectory = trajectory
     return tables
 
 
@@ -228,11 +233,13 @@ def full(name: str, ranging: str) -> Tables:
 def test_each_setting_function_gives_the_recorded_numbers(name: str) -> None:
     """Those of shipped scenarios alone would not show what is 0 there."""
     found: dict[str, Any] = {}
-    for ranging, (which, function) in itertools.product(RANGINGS, TRIED.items()):
-        results = [value for _, value in flat(function(full(name, ranging)))]
+    for how, (which, function) in itertools.product(
+        zip(RANGINGS, PATHS, strict=True), TRIED.items()
+    ):
+        results = [value for _, value in flat(function(full(name, *how)))]
         numbers = [float(value) for value in results if not isinstance(value, str)]
         words = [value for value in results if isinstance(value, str)]
-        found[f"{ranging} {which}"] = [*as_recorded.digest_of_all([[numbers]]), *words]
+        found[f"{how[0]} {which}"] = [*as_recorded.digest_of_all([[numbers]]), *words]
     as_recorded.check(f"setting functions {name}", found)
 
 
