@@ -32,8 +32,8 @@ project_copyright = author
 version = release = version_of("sblcosim")
 
 extensions = [
-    "myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_gallery.gen_gallery", "keys",
-    "literals", "tables", "typeset",
+    "myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_gallery.gen_gallery",
+    "explorer", "keys", "literals", "tables", "typeset",
 ]
 root_doc = "docs/index"
 ROOMS = ("models", "fmus", "orchestrator", "tests", "tools")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from importlib import import_module
+from itertools import combinations
 from typing import TYPE_CHECKING
 
 from .acoustics.variables import COMPONENT as _ACOUSTICS
@@ -70,13 +71,14 @@ def file_name(name: str, **constants: int) -> str:
 
 def of_file(stem: str) -> tuple[str, dict[str, int]] | None:
     """Component and constants for a name made by `file_name`; None if it is no such name."""
-    name = stem.rstrip("0123456789")
+    name = stem.rstrip("0123456789_")
     component = COMPONENTS.get(name)
     if component is None or stem == name:
         return None if component is None else (name, {})
-    for constant in component.constants:
-        constants = {constant: int(stem.removeprefix(name))}
+    values = stem.removeprefix(name).split("_")
+    for chosen in combinations(component.constants, len(values)):
         try:
+            constants = dict(zip(chosen, map(int, values), strict=True))
             if file_name(name, **constants) == stem:
                 return name, constants
         except ValueError:

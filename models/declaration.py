@@ -407,7 +407,7 @@ class Component:
 
         return replace(
             self,
-            name=self.name + "".join(map(str, changed.values())),
+            name=self.name + "_".join(map(str, changed.values())),
             description=f"{self.description}; made for "
             + ", ".join(f"{value} {n}" for n, value in changed.items()),
             variables=tuple(

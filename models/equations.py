@@ -235,13 +235,16 @@ def build(component: Component, equations: Equations | Mapping[int, Equations]) 
     for value, variant in variants.items():
         functions[value], states, pairs = _functions(component, variant)
         feedthrough |= pairs
+    # A build may never run a loop, such as that of a track without points.
+    runs = {loop for it in functions.values() for loop, guard in it.guards.items()
+            if not guard.call(guard.sx_in())[0].is_zero()}
     return Model(
         component=component,
         variants=functions,
         states=states,
         draws=tuple(draw.of(component) for draw in first.draws),
-        advance=tuple(loop.name for loop in _all(first.advance)),
-        iterate=tuple(loop.name for loop in _all(first.iterate)),
+        advance=tuple(loop.name for loop in _all(first.advance) if loop.name in runs),
+        iterate=tuple(loop.name for loop in _all(first.iterate) if loop.name in runs),
         inner={
             loop.name: len(_all(loop.inner)) for loop in _all((*first.advance, *first.iterate))
         },
@@ -277,7 +280,10 @@ def _functions(
     read |= {} if rows is None else {"initial": rows}
     start = {name: ca.densify(ca.SX(value)) for name, value in equations.initial(p, w, t).items()}
     states = {name: value.shape for name, value in start.items()}
-    initial = _function("initial", [p_vector, w_vector, t, *more], _column(start.values()))
+    begin = _column(start.values())
+    if rows is not None and not ca.depends_on(begin, more[0]):
+        read, more = {}, []  # this build does not use them
+    initial = _function("initial", [p_vector, w_vector, t, *more], begin)
 
     x, x_vector = _symbols(states)
 
@@ -299,16 +305,10 @@ def _functions(
             given = (loop, states, x, [x_vector, u_vector, p_vector], (p, u, t))
             guards[loop.name], bodies[loop.name] = _of_each(*given)
             continue
-        w, w_vector = noise(loop.name)
-        rows, more = _looked_up(component, loop.rows, w, (p, x), [x_vector, p_vector])
+        guards[loop.name], bodies[loop.name], rows = _of_loop(
+            component, loop, noise(loop.name), updated, (p, x, u, t), [x_vector, u_vector, p_vector]
+        )
         read |= {} if rows is None else {loop.name: rows}
-        guards[loop.name] = _function(
-            "guard", [x_vector, u_vector, p_vector, t], ca.SX(loop.guard(p, x, u, t))
-        )
-        changed = updated(loop.body(p, x, u, w, t))
-        bodies[loop.name] = _function(
-            "body", [x_vector, u_vector, p_vector, w_vector, t, *more], changed
-        )
     arguments = [x_vector, u_vector, p_vector, t]
     output, y_vector = _output(component, equations.output(p, x, u, t), arguments)
     pairs = _feedthrough(component, output)
@@ -317,6 +317,23 @@ def _functions(
         slopes = ca.vec(ca.densify(ca.jacobian(y_vector, u_vector)).T)
         jacobian = _function("jacobian", [x_vector, u_vector, p_vector, t], slopes)
     return Functions(initial, tick, output, guards, bodies, jacobian, read), states, pairs
+
+
+def _of_loop(
+    component: Component, loop: Loop, noise: tuple[Symbols, Any],
+    updated: Callable[[Values], Any], symbols: tuple[Symbols, Symbols, Symbols, Any],
+    vectors: list[Any],
+) -> tuple[ca.Function, ca.Function, Rows | None]:
+    """Guard and body of a loop that repeats, and the rows that it reads."""
+    (p, x, u, t), (w, w_vector) = symbols, noise
+    guard = ca.SX(loop.guard(p, x, u, t))
+    runs = not guard.is_zero()
+    rows, more = _looked_up(
+        component, loop.rows if runs else (), w, (p, x), [vectors[0], vectors[-1]]
+    )
+    changed = updated(loop.body(p, x, u, w, t) if runs else {})
+    body = _function("body", [*vectors, w_vector, t, *more], changed)
+    return _function("guard", [*vectors, t], guard), body, rows
 
 
 def _of_each(

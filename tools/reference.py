@@ -55,7 +55,14 @@ FOLLOWS: Mapping[str, Sequence[str]] = {
     "target.track_count": ("target.track_time_s",),
     "target.track_time_s": ("target.track_file",),
     "target.track_m": ("target.track_file",),
-    **{f"place.{key}": ("target.track_file",) for key in ("latitude_deg", "longitude_deg")},
+    "platform.track_count": ("platform.track_time_s",),
+    "platform.track_time_s": ("platform.track_file",),
+    "platform.track_m": ("platform.track_file",),
+    "platform.track_heading_deg": ("platform.track_file",),
+    **{
+        f"place.{key}": ("target.track_file", "platform.track_file")
+        for key in ("latitude_deg", "longitude_deg")
+    },
     "receiver.update_interval_s": _UPDATE,
     "receiver.interval_s": ("receiver.update_interval_s",),
     "receiver.range_std_m": ("acoustics.range_std_m",),

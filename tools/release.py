@@ -3,8 +3,8 @@
     python tools/release.py --out dist
 
 There is one wheel per platform, because the drivers and the bound are specific to it; the FMUs in
-each wheel are for all platforms. Installing such a wheel needs neither a compiler nor CasADi,
-unless a model is changed.
+each wheel are for all platforms, and so are the modules of WebAssembly for pages. Installing such a
+wheel needs neither a compiler nor CasADi, unless a model is changed.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ import tempfile
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+from sblcosim.explore.contents import ready as pages
 from sblcosim.fmus.build import bound, compiler, factory
 from sblcosim.fmus.files import write_sealed
 from sblcosim.fmus.platforms import PLATFORMS
 from sblcosim.identification import innovations
 from sblcosim.models import COMPONENTS, file_name
-from sblcosim.models.target.variables import TRACK_POINTS
-from sblcosim.scenario.tracks import CAPACITIES
+from sblcosim.scenario.tracks import FOLLOWERS
 from sblcosim.simulation.masters import c_libraries, lanes_driver, native, replay
 
 ROOT = Path(__file__).parents[1]
@@ -41,7 +41,10 @@ TAGS = {
 def fmus(all_platforms: bool = True, versions: Iterable[int] = (2, 3)) -> dict[str, Path]:
     """All our FMUs, built, by their place among the ready-made files."""
     made: list[tuple[str, dict[str, int]]] = [(name, {}) for name in COMPONENTS]
-    made += [("target", {TRACK_POINTS.name: points}) for points in CAPACITIES[1:]]
+    made += [
+        (name, {it.constant.name: points})
+        for name, it in FOLLOWERS.items() for points in it.capacities[1:]
+    ]
     wanted = [
         factory.Wanted(name, fmi, all_platforms, constants=constants)
         for fmi in versions
@@ -96,7 +99,7 @@ def main() -> None:
         "--platform", action="append", choices=PLATFORMS, help="may be repeated; default: all"
     )
     arguments = parser.parse_args()
-    ready = fmus()
+    ready = {**fmus(), **pages()}
     for cc in compiler.for_every_platform():
         if cc.platform in (arguments.platform or PLATFORMS):
             wheel(arguments.out, cc, ready)

@@ -283,6 +283,8 @@ def kept_module(
 ) -> Path:
     """A module of WebAssembly from objects that are cached each; linked only if it has changed.
 
+    One that the package includes is used as it is.
+
     Parameters
     ----------
     of
@@ -297,6 +299,9 @@ def kept_module(
     BuildError
         CasADi or ``ziglang`` is missing, or the compiler fails.
     """
+    ready = _ready(of, file)
+    if ready is not None:
+        return ready
     compiler = compilers.for_platform(WASM)
     path = cache() / _fingerprint(_digest([of, SEAL]).hexdigest(), (compiler,)) / file
 
@@ -393,6 +398,7 @@ def library(
     sources: Mapping[str, bytes],
     lanes: bool = False,
     compiler: compilers.Compiler | None = None,
+    platform: str | None = None,
 ) -> Path:
     """Return the shared library of ``NAME.c``, compiled anew only if it has changed.
 
@@ -403,16 +409,18 @@ def library(
     lanes
         Whether to compile it once per number of lanes.
     compiler
-        By default one for this process, unless the package includes the library.
+        By default one for the platform, unless the package includes the library.
+    platform
+        By default that of the compiler, or of this process; `WASM` makes WebAssembly.
 
     Raises
     ------
     BuildError
         There is no compiler, or it fails.
     """
-    platform = this_platform() if compiler is None else compiler.platform
+    platform = platform or (this_platform() if compiler is None else compiler.platform)
     of = library_key(name, sources, lanes, platform)
-    return kept_library(name, of, lambda: sources, lanes, compiler)
+    return kept_library(name, of, lambda: sources, lanes, compiler, platform=platform)
 
 
 def kept_library(
@@ -422,6 +430,7 @@ def kept_library(
     lanes: bool,
     compiler: compilers.Compiler | None = None,
     generated: bool = False,
+    platform: str | None = None,
 ) -> Path:
     """The same for sources that are identified by a key and made only if they must be compiled.
 
@@ -432,13 +441,15 @@ def kept_library(
     generated
         Whether CasADi makes the sources; its version is then part of the key.
     """
-    platform = this_platform() if compiler is None else compiler.platform
+    platform = platform or (this_platform() if compiler is None else compiler.platform)
     file = f"{name}{suffix(platform)}"
     ready = _ready(of, file) if compiler is None else None
     if ready is not None:
         return ready
     tools = _versions() if generated else []  # without CasADi, a compiler does not help
-    compiler = compiler or compilers.find()
+    compiler = compiler or (
+        compilers.find() if platform == this_platform() else compilers.for_platform(platform)
+    )
     facts = [of, compiler.command, compiler.identity, SEAL, *tools]
     path = cache() / _digest(facts).hexdigest()[:32] / file
     if not _usable(path):

@@ -48,12 +48,8 @@ def module(
     BuildError
         CasADi or ``ziglang`` is missing, or the compiler fails.
     """
-    entry = next(iter(driver))
-    flags = (f"-DLANES={lanes}", *FLAGS[lanes])
-    section = custom_section(SECTION, json.dumps(description).encode())
-    strings = {"string.h": c_files(WASM)["freestanding.h"]}
-    listed = " ".join(f"X({_symbol(name)})" for name in components)
-    sources = {**driver, **strings, _TABLE: f"#define ENGINES(X) {listed}\n".encode()}
+    entry, flags, strings = next(iter(driver)), _flags(lanes), _strings()
+    sources = _sources(driver, components)
 
     def parts() -> Iterator[tuple[Mapping[str, bytes], factory.Unit]]:
         # CasADi is loaded only when something has to be built.
@@ -68,12 +64,41 @@ def module(
                 factory.Unit("lanes.c", (*flags, renamed)),
             )
 
+    of = key(driver, components, lanes, description, **constants)
+    return factory.kept_module(file, of, parts, _section(description))
+
+
+def key(
+    driver: Mapping[str, bytes],
+    components: Sequence[str],
+    lanes: int,
+    description: Mapping[str, object],
+    **constants: int,
+) -> str:
+    """Cache key of everything that a module is made from; arguments as for `module`."""
     facts = [
-        [ingredients(name, 3, **constants) for name in components], section.hex(), flags,
-        Path(__file__).read_text("utf-8"),
+        [ingredients(name, 3, **constants) for name in components], _section(description).hex(),
+        _flags(lanes), Path(__file__).read_text("utf-8"),
     ]
-    of = factory.key_of_sources(facts, (), sources)
-    return factory.kept_module(file, of, parts, section)
+    return factory.key_of_sources(facts, (), _sources(driver, components))
+
+
+def _section(description: Mapping[str, object]) -> bytes:
+    return custom_section(SECTION, json.dumps(description).encode())
+
+
+def _flags(lanes: int) -> tuple[str, ...]:
+    return (f"-DLANES={lanes}", *FLAGS[lanes])
+
+
+def _strings() -> dict[str, bytes]:
+    return {"string.h": c_files(WASM)["freestanding.h"]}
+
+
+def _sources(driver: Mapping[str, bytes], components: Sequence[str]) -> dict[str, bytes]:
+    """The driver with the table of the engines."""
+    listed = " ".join(f"X({_symbol(name)})" for name in components)
+    return {**driver, **_strings(), _TABLE: f"#define ENGINES(X) {listed}\n".encode()}
 
 
 def _symbol(component: str) -> str:

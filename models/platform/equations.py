@@ -12,15 +12,18 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 from math import pi
+from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
 
+from .. import track
 from ..arrangement import cross
 from ..declaration import number_of
-from ..equations import Draw, Equations, Loop, Symbols, Values
+from ..equations import Draw, Equations, Loop, Row, Symbols, Values
 from ..geometry import rotation
 from ..ports import BEACONS
+from ..target.course import TOLERANCE
 from . import mooring, seaway
 from .variables import ANGLES, ARRANGEMENT, DISPLACEMENTS, MOTION
 
@@ -78,6 +81,7 @@ def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
         ) + p.gps_shared * _turned(p, w.misalignment),
         **seaway.still(),
         **mooring.still(),
+        **_departing(p, w),
     }
 
 
@@ -118,16 +122,18 @@ def _sines(p: Symbols, x: Symbols, t: Any) -> tuple[Any, Any]:
 def _spectrum(p: Symbols, x: Symbols, t: Any) -> tuple[Any, Any]:
     """The same in a sea with a spectrum; only the swing about the mooring is a sine."""
     swing = _wave(p, "yaw", t, x.phase[AXES.index("yaw")])
-    tilt, displacement = seaway.motion(x, t, p.mean_heading + swing)
+    _, heading = _way(p, x, t)
+    tilt, displacement = seaway.motion(x, t, heading + swing)
     drift = ca.vertcat(mooring.place(p, x, t), 0)
     return ca.vertcat(tilt, swing), displacement + drift
 
 
 def _output(motion: Motion, p: Symbols, x: Symbols, u: Symbols, t: Any) -> Values:
     inclination, displacement = motion(p, x, t)
-    mean_attitude = ca.vertcat(0, 0, p.mean_heading)
+    way, heading = _way(p, x, t)
+    mean_attitude = ca.vertcat(0, 0, heading)
     attitude = mean_attitude + inclination
-    position = p.mean_position + displacement + _way(p, t - x.start)
+    position = p.mean_position + displacement + way
     reported_attitude = mean_attitude + _measured(p, inclination) + _imu_error(p, x, t)
 
     R = rotation(attitude)
@@ -148,12 +154,55 @@ def _output(motion: Motion, p: Symbols, x: Symbols, u: Symbols, t: Any) -> Value
     }
 
 
-def _way(p: Symbols, since: Any) -> Any:
-    """What a boat under way has covered [m]. The condition skips the sines of one that is not."""
+def _way(p: Symbols, x: Symbols, t: Any) -> tuple[Any, Any]:
+    """What a boat under way has covered [m], and its heading [rad]."""
+    straight = _straight(p, t - x.start)
+    if not _may_follow(p):
+        return straight, p.mean_heading
+    found, _ = track.along(x, _since(p, x, t))
+    follows = p.track_count > 0
+    way = ca.if_else(follows, ca.vertcat(found[:2], 0), straight)
+    return way, p.mean_heading + ca.if_else(follows, found[2], 0)
+
+
+def _straight(p: Symbols, since: Any) -> Any:
+    """The way at constant speed [m]. The condition skips the sines of a boat at rest."""
     north, east = ca.cos(p.boat_course), ca.sin(p.boat_course)
     return ca.vertcat(*(
         ca.if_else(p.boat_speed != 0, p.boat_speed * since * it, 0) for it in (north, east)
     ), 0)
+
+
+# --- A boat's track: north, east and heading, between points -------------------------------------
+
+
+def _may_follow(p: Symbols) -> bool:
+    """Whether the platform is built for a track: others have neither its states nor its code."""
+    return bool(p.boat_points > 1)
+
+
+def _since(p: Symbols, x: Symbols, t: Any) -> Any:
+    """Time since the boat's departure [s]; negative before it."""
+    return t - x.start - p.departure_time
+
+
+def _departing(p: Symbols, w: Symbols) -> Values:
+    if not _may_follow(p):
+        return {}
+    return track.states(ca.vertcat(w.first, w.first_heading), w.first_time)
+
+
+def _due(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Any:
+    return track.due(p, x, _since(p, x, t) + TOLERANCE) if _may_follow(p) else 0
+
+
+def _leg(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
+    given = vars(w)
+    points = {
+        f"{it}point": ca.vertcat(given[f"{it}place"], given[f"{it}heading"])
+        for it in ("", "next_", "after_")
+    }
+    return track.leg(p, x, SimpleNamespace(**{**given, **points}))
 
 
 def _wave(p: Symbols, axis: str, t: Any, phase: Any) -> Any:
@@ -235,11 +284,25 @@ def _spectrum_tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: An
 
 
 _BUOYS = (Loop("buoys", lambda p, x, u, t: x.waiting, _buoys),)
+_LEGS = (Loop("leg", _due, _leg, rows=track.rows(
+    "track_time", place="track", heading="track_heading",
+)),)
+_FIRST = tuple(
+    Row(name, array, lambda p, x: 0)
+    for name, array in (
+        ("first", "track"), ("first_heading", "track_heading"), ("first_time", "track_time"),
+    )
+)
+
+
+def _of(motion: Motion, initial: Any, tick: Any) -> Equations:
+    return Equations(
+        partial(_output, motion), initial, tick, advance=_LEGS, iterate=_BUOYS, draws=DRAWS,
+        rows=_FIRST,
+    )
+
+
 EQUATIONS = {
-    number_of(MOTION, "sines"): Equations(
-        partial(_output, _sines), _initial, _tick, iterate=_BUOYS, draws=DRAWS
-    ),
-    number_of(MOTION, "spectrum"): Equations(
-        partial(_output, _spectrum), _spectrum_initial, _spectrum_tick, iterate=_BUOYS, draws=DRAWS
-    ),
+    number_of(MOTION, "sines"): _of(_sines, _initial, _tick),
+    number_of(MOTION, "spectrum"): _of(_spectrum, _spectrum_initial, _spectrum_tick),
 }

@@ -11,7 +11,7 @@ from typing import Any
 import casadi as ca
 
 from ..equations import Draw, Symbols, Values
-from ..target.track import motion
+from ..track import motion
 from .spectrum import WITHIN
 
 _SCALE = ("watch_circle",) * 4

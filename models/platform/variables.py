@@ -9,6 +9,7 @@ from ..arrangement import ARM, DEPTH, usual
 from ..declaration import (
     Component,
     Condition,
+    Dimension,
     Needs,
     Variable,
     choice,
@@ -29,6 +30,8 @@ DISPLACEMENTS = tuple(DIRECTIONS)
 MOTION = {0: "sines", 1: "spectrum"}
 WAVES = 16
 """Largest number of waves in a spectrum. More would slow down every run, even with sines."""
+BOAT_POINTS = Dimension(1, "boat_points", 1, 1024)
+"""Largest number of points of a boat's track. With one there is none, and no code for it."""
 ARRANGEMENT = {1: "cross", 2: "given"}
 _CROSS, _GIVEN = ((is_one_of("arrangement", ARRANGEMENT, name),) for name in ARRANGEMENT.values())
 
@@ -60,6 +63,8 @@ _RANDOM = (
     (*_DRAWN, *_SINES, *_SWINGS, *_SEA, *_MOORED),
 )
 _SHARED = (Condition("gps_shared", (1,)),)
+_ON_TRACK = not_zero("track_count")
+_STRAIGHT = (Condition("track_count", (0,)),)
 _WARM = not_zero("imu_temperature_offset", "imu_temperature_rate")
 _TILTED = ((*not_zero("roll_amplitude", "pitch_amplitude"), *_SPECTRUM), (*_SINES, *_SEA))
 _INCLINED = {"tilt": _TILTED, "heading": (_SWINGS,)}
@@ -116,6 +121,29 @@ def _sea() -> tuple[Variable, ...]:
     )
 
 
+def _way() -> tuple[Variable, ...]:
+    """The way of a boat: at one speed along one course, or a recorded track."""
+    return (
+        parameter("boat_speed", "Speed of a boat under way, along its course; 0: the platform "
+                  "stays where it is", "m/s", min=0.0, max=20.0, needs=(_STRAIGHT,)),
+        parameter("boat_course", "Course of a boat under way, clockwise from north", "rad",
+                  min=-2 * pi, max=2 * pi, needs=(_STRAIGHT, not_zero("boat_speed"))),
+        Variable("track_count", "Number of points of the boat's track in use; 0: it has none",
+                 "parameter", start=0, min=0, max=BOAT_POINTS, type="Int32"),
+        parameter("departure_time", "Time after the start at which the boat is at time 0 of its "
+                  "track", "s", min=0.0, max=1e9, needs=(_ON_TRACK,)),
+        parameter("track_time", "Times of the points of the boat's track from the departure; "
+                  "strictly increasing", "s", shape=(BOAT_POINTS,), min=0.0, max=1e9,
+                  needs=(_ON_TRACK,)),
+        parameter("track", "Points of the boat's track, north and east of its mean position; it "
+                  "rests before the first one and after the last one", "m",
+                  shape=(BOAT_POINTS, 2), min=-1e5, max=1e5, needs=(_ON_TRACK,)),
+        parameter("track_heading", "Yaw at the points of the track, in addition to the mean one; "
+                  "not wrapped", "rad", shape=(BOAT_POINTS,), min=-1e4, max=1e4,
+                  needs=(_ON_TRACK,)),
+    )
+
+
 def _imu(
     part: str, unit: str | None, description: str, signed: bool,
     needs: Mapping[str, Needs] | None = None,
@@ -148,12 +176,8 @@ COMPONENT = Component(
                       needs=((*_REDRAWN, *_SPECTRUM), (*_REDRAWN, *_MOORED))),
         *noise_keys(*_RANDOM),
         parameter("mean_position", "Mean position of the reference point, NED; of a boat under "
-                  "way at the start", "m", shape=(3,)),
+                  "way at the start; where a boat's track has its origin", "m", shape=(3,)),
         parameter("mean_heading", "Mean yaw", "rad", min=-2 * pi, max=2 * pi),
-        parameter("boat_speed", "Speed of a boat under way, along its course; 0: the platform "
-                  "stays where it is", "m/s", min=0.0, max=20.0),
-        parameter("boat_course", "Course of a boat under way, clockwise from north", "rad",
-                  min=-2 * pi, max=2 * pi, needs=(not_zero("boat_speed"),)),
         choice("arrangement", "Where the beacons are: at the ends of a cross with equal arms, the "
                "first one forward, or at given positions", ARRANGEMENT, 1),
         parameter("arm_length", "Length of each arm of the cross: the paper's baseline", "m",
@@ -164,6 +188,7 @@ COMPONENT = Component(
                   "m", shape=(BEACONS, 3), start=usual, min=-1e4, max=1e4, needs=(_GIVEN,)),
         parameter("beacon_scale", "Factor on all horizontal offsets of the beacons", start=1.0,
                   min=0.001, max=1000.0),
+        *_way(),
         choice("motion", "The platform's motion: the paper's sines, or a sea with a spectrum",
                MOTION, 0),
         switch("random_phases", "Whether the phases of all sines are drawn from the seed", True,

@@ -6,6 +6,7 @@ arc. The spread along the arc bends ranges and shifts the mean.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +15,7 @@ import casadi as ca
 from .least_squares import symmetric
 from .steps import Map
 from .surroundings import (
+    CLOCK,
     HEADING,
     NEAREST,
     PLATFORM,
@@ -45,6 +47,8 @@ class Arc:
         Whether the diver is far enough for an arc: 0 or 1.
     spread, depth
         Variances of the bearing, at most `WIDEST` [rad²], and of the distance [m²].
+    offset, with_offset
+        Variance of what all ranges have in common, and its covariance with the distance [m²].
     heading, turned
         Variance of the platform's heading, and the excess variance of the bearing minus the
         heading, which is what bends a range; at most `WIDEST` [rad²].
@@ -59,10 +63,18 @@ class Arc:
     depth: Any
     heading: Any
     turned: Any
+    offset: Any
+    with_offset: Any
 
 
-def about(mean: Any, P: Any) -> Arc:
-    """The arc of a state and its covariance."""
+def about(mean: Any, P: Any, offsets: Sequence[int] = (CLOCK,)) -> Arc:
+    """The arc of a state and its covariance.
+
+    Parameters
+    ----------
+    offsets
+        States that all ranges have in common [m].
+    """
     y = mean[_NORTH_EAST] - mean[_PLATFORM]
     length = ca.sqrt(ca.sumsqr(y))
     radius = ca.fmax(length, NEAREST)
@@ -79,6 +91,8 @@ def about(mean: Any, P: Any) -> Arc:
         turned=ca.fmin(ca.fmax(
             _form(tangential, P_yy) / radius**2 - 2 * ca.dot(tangential, P_yh) / radius, 0,
         ), WIDEST),
+        offset=sum(P[i, j] for i in offsets for j in offsets),
+        with_offset=sum(ca.dot(radial, P[_NORTH_EAST, i] - P[_PLATFORM, i]) for i in offsets),
     )
 
 
@@ -95,11 +109,13 @@ def _form(v: Any, matrix: Any) -> Any:
 
 
 def bent(arc: Arc, row: Range) -> Measurement:
-    """A range averaged over the spread of bearing and heading.
+    """A range averaged over the spread of bearing, heading and distance.
 
     Rotation about the platform keeps the distance to its centre. Only the beacon's arm bends the
     range, to second order. The heading may be quite unknown: over its spread s, the arm keeps ``k =
-    exp(-s/2)`` of its part in the range and in the slope. The rest is noise.
+    exp(-s/2)`` of its part in the range and in the slope. The rest is noise. So is what the
+    distance bends one beacon's range more than it bends that of the centre, to second order. What
+    it bends all alike, a clock that leaves the distance unknown takes.
     """
     first = (row.u[0] * arc.tangential[0] + row.u[1] * arc.tangential[1]) * arc.radius
     arm = (arc.y[0] * row.arm[0] + arc.y[1] * row.arm[1]) / row.distance
@@ -109,6 +125,12 @@ def bent(arc: Arc, row: Range) -> Measurement:
     across = 0.5 * (1 - k**4) - s * k**2
     second = arc.far * 0.5 * (k * arm - first**2 / row.distance) * arc.turned
     less = (1 - k) * first / arc.radius
+    stretch = ca.sqrt(ca.fmax(sum(u**2 for u in row.u), 0.25))  # 1 + κ, but on a beacon
+    deep = row.u[2] / stretch * row.distance + row.arm[2]
+    slant = ca.sqrt(arc.radius**2 + deep**2)
+    outward = row.u[0] * arc.radial[0] + row.u[1] * arc.radial[1]
+    own = (1 - (outward / stretch) ** 2) / row.distance - deep**2 / slant**3
+    flat = arc.far * 0.5 * stretch * own * _unseen(arc, outward, row.variance)
     turned = {
         **row.row,
         HEADING: k * row.row[HEADING],
@@ -116,9 +138,16 @@ def bent(arc: Arc, row: Range) -> Measurement:
         **{i: row.row[i] + less * arc.tangential[n] for n, i in enumerate(PLATFORM)},
     }
     return Measurement(
-        row.value + (1 - k) * arm + second, turned,
-        row.variance + along * arm**2 + across * first**2 + 2 * second**2,
+        row.value + (1 - k) * arm + second + flat, turned,
+        row.variance + along * arm**2 + across * first**2 + 2 * second**2 + 2 * flat**2,
     )
+
+
+def _unseen(arc: Arc, outward: Any, noise: Any) -> Any:
+    """Variance of the distance that a range leaves, because of what all have in common [m²]."""
+    seen = outward * arc.depth + arc.with_offset
+    total = outward * (seen + arc.with_offset) + arc.offset + noise
+    return ca.fmax(arc.depth - seen**2 / total, 0)
 
 
 def retract(mean: Any, P: Any, d: Any) -> tuple[Any, Any, Map]:

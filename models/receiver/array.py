@@ -18,7 +18,7 @@ from .coupled import Heard
 from .measurements import with_beacons
 from .ping import STATES, Ping
 from .steps import Step
-from .surroundings import Measurement
+from .surroundings import CLOCK, Measurement
 from .waves import Swing
 
 PING = Ping(surroundings.STATES)
@@ -100,7 +100,7 @@ def pinged(
     n = p.beacons
     state = taking.split(mean)
     there, z = x.arrivals[:, 0] * weight, x.arrivals[:, 1]
-    seen = arc.about(mean, P)
+    seen = arc.about(mean, P, (CLOCK, PING.common))
     rows = [
         arc.bent(seen, PING.range_(ca, p, state, said.pose, taking.split(p.beacon_offset[i, :].T)))
         for i in range(n)

@@ -77,13 +77,15 @@ def initialise() -> Loop:
             x.passes == least_squares.PASSES, least_squares.closed_form(s), x.mean[list(POSITION)]
         )
         weight = least_squares.weights(s, measurements.noise(p) + motion**2)
-        result = least_squares.improve(position, x.damping, s, weight)
-        disagreement = ca.fmax(result.cost / ca.fmax(least_squares.degrees(s), 1), 1)
+        result = least_squares.improve(
+            position, x.damping, lambda place: least_squares.separate(place, s, weight)
+        )
+        cost = ca.fmin(result.here.cost, result.there.cost)
+        disagreement = ca.fmax(cost / ca.fmax(least_squares.degrees(s), 1), 1)
+        own = disagreement * least_squares.inverse(result.here.information)
         return {
             "mean": expand(result.position),
-            "covariance": pack(expand_covariance(
-                disagreement * least_squares.inverse(result.information), p.prior_velocity_std**2
-            )),
+            "covariance": pack(expand_covariance(own, p.prior_velocity_std**2)),
             "damping": result.damping,
             "passes": ca.if_else(result.done, 0, x.passes - 1),
             "nis": 0,

@@ -2,43 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, fields
 from typing import Any
 
 import casadi as ca
 
-from .measurements import DEPTH, Samples, predicted
+from .measurements import DEPTH, Samples, distance, predicted
 
 PASSES = 20
 """Maximum number of passes of `improve` per fix."""
 FIRST_DAMPING = 1e-6
 CLOSE = 1e-7
 """A step shorter than this many m ends the iteration."""
-
-
-@dataclass(frozen=True, slots=True)
-class Pass:
-    """Result of one pass.
-
-    Attributes
-    ----------
-    position
-        In m, NED, (3, 1).
-    damping
-        For the next pass.
-    done
-        Whether the step was too short to matter.
-    information
-        ``H' W H`` at the start of the pass, (3, 3).
-    cost
-        Weighted sum of squared residuals at ``position``.
-    """
-
-    position: Any
-    damping: Any
-    done: Any
-    information: Any
-    cost: Any
 
 
 def symmetric(matrix: Any) -> Any:
@@ -74,6 +50,12 @@ def inverse(matrix: Any) -> Any:
     return cofactors * (1 / determinant)
 
 
+def middle(s: Samples) -> Any:
+    """Mean of the beacons that have been heard, (3, 1) [m]."""
+    heard = s.heard[:DEPTH]
+    return (heard.T @ s.beacons).T / ca.fmax(ca.sum1(heard), 1)
+
+
 def closed_form(s: Samples) -> Any:
     """A position in m from differences of squared ranges, with z equal to the depth, (3, 1).
 
@@ -81,8 +63,7 @@ def closed_form(s: Samples) -> Any:
     - 2 q_i x + |q_i|^2``. In the sum over i with weights q_i the unknown ``|x|^2`` cancels, which
     leaves two linear equations in north and east.
     """
-    heard = s.heard[:DEPTH]
-    mean = (heard.T @ s.beacons).T / ca.fmax(ca.sum1(heard), 1)
+    heard, mean = s.heard[:DEPTH], middle(s)
     z = s.z[DEPTH] - mean[2]
     a, b = ca.SX.zeros(2, 2), ca.SX.zeros(2)
     for i in range(s.count):
@@ -111,31 +92,141 @@ def degrees(s: Samples) -> Any:
     return ca.sum1(s.heard) - 3
 
 
-def cost(position: Any, s: Samples, weight: Any) -> Any:
-    """Weighted sum of squared residuals."""
-    return sum(
-        weight[i] * (s.z[i] - value) ** 2 for i, (value, _) in enumerate(predicted(position, s))
-    )
+@dataclass(frozen=True, slots=True)
+class Common:
+    """What is known before a fix whose ranges have an error in common.
+
+    Attributes
+    ----------
+    prior
+        Information on that error [1/m²].
+    middle, near
+        A place, (3, 1) [m], and the information that the diver is about it, north and east [1/m²].
+    """
+
+    prior: Any
+    middle: Any
+    near: Any
 
 
-def improve(position: Any, damping: Any, s: Samples, weight: Any) -> Pass:
-    """One Levenberg-Marquardt pass: a Gauss-Newton step, taken if it does not raise the cost."""
-    information, slope, here = ca.SX.zeros(3, 3), ca.SX.zeros(3), ca.SX(0)
+@dataclass(frozen=True, slots=True)
+class Normal:
+    """Normal equations of a fix, linearised at a position.
+
+    An error that ranges have in common is eliminated. With weights w of the ranges, residuals e and
+    the information of its prior, it is Σwe / (Σw + prior).
+
+    Attributes
+    ----------
+    position
+        (3, 1) [m].
+    information, slope
+        ``H' W H``, (3, 3), and ``H' W e``, (3, 1).
+    cost
+        Weighted sum of squared residuals.
+    common, alone
+        The error in common [m], and its variance for a known position [m²]; 0 without one.
+    lean
+        Negative derivative of the error in common with respect to the position, (3, 1).
+    """
+
+    position: Any
+    information: Any
+    slope: Any
+    cost: Any
+    common: Any = 0
+    alone: Any = 0
+    lean: Any = 0
+
+
+def separate(position: Any, s: Samples, weight: Any) -> Normal:
+    """The normal equations at a position, where each measurement has an error of its own."""
+    information, slope, cost = ca.SX.zeros(3, 3), ca.SX.zeros(3), ca.SX(0)
     for i, (value, gradient) in enumerate(predicted(position, s)):
         weighted = weight[i] * gradient
         residual = s.z[i] - value
         information += weighted @ gradient.T
         slope += weighted * residual
-        here += weight[i] * residual**2
-    information = symmetric(information)
-    damped = information + damping * ca.diag(ca.diag(information))
-    step = inverse(damped) @ slope
-    there = cost(position + step, s, weight)
-    better = there <= here
+        cost += weight[i] * residual**2
+    return Normal(position, symmetric(information), slope, cost)
+
+
+def together(position: Any, s: Samples, weight: Any, known: Common) -> Normal:
+    """The normal equations at a position, where the ranges have an error in common."""
+    alone = reciprocal(ca.sum1(weight[:DEPTH]) + known.prior)
+    information, slope = ca.SX.zeros(3, 3), ca.SX.zeros(3)
+    cost, first, lean = ca.SX(0), ca.SX(0), ca.SX.zeros(3)
+    for i in range(s.count):
+        length, gradient = distance(position, s.beacons[i, :])
+        residual = s.z[i] - length
+        information += weight[i] * gradient @ gradient.T
+        slope += weight[i] * residual * gradient
+        cost += weight[i] * residual**2
+        first += weight[i] * residual
+        lean += weight[i] * gradient
+    residual = s.z[DEPTH] - position[2]
+    information[2, 2] += weight[DEPTH]
+    slope[2] += weight[DEPTH] * residual
+    cost += weight[DEPTH] * residual**2
+    near = ca.SX([1, 1, 0]) * known.near
+    off = position - known.middle
+    return Normal(
+        position,
+        symmetric(information - alone * (lean @ lean.T) + ca.diag(near)),
+        slope - alone * first * lean - near * off,
+        cost - alone * first**2 + ca.dot(near, off**2),
+        alone * first, alone, alone * lean,
+    )
+
+
+def chosen(condition: Any, one: Normal, other: Normal) -> Normal:
+    """One of two, element by element."""
+    return Normal(*(
+        ca.if_else(condition, getattr(one, f.name), getattr(other, f.name)) for f in fields(Normal)
+    ))
+
+
+@dataclass(frozen=True, slots=True)
+class Pass:
+    """Result of one pass.
+
+    Attributes
+    ----------
+    here, there
+        The normal equations before the step and after it.
+    better
+        Whether the step does not raise the cost: only then it is taken.
+    damping
+        For the next pass.
+    done
+        Whether the step was too short to matter.
+    """
+
+    here: Normal
+    there: Normal
+    better: Any
+    damping: Any
+    done: Any
+
+    @property
+    def position(self) -> Any:
+        """Where the next pass begins, (3, 1) [m]."""
+        return ca.if_else(self.better, self.there.position, self.here.position)
+
+
+def improve(position: Any, damping: Any, linearised: Callable[[Any], Normal]) -> Pass:
+    """One Levenberg-Marquardt pass: a Gauss-Newton step, taken if it does not raise the cost.
+
+    Parameters
+    ----------
+    linearised
+        Gives the normal equations at a position.
+    """
+    here = linearised(position)
+    damped = here.information + damping * ca.diag(ca.diag(here.information))
+    step = inverse(damped) @ here.slope
+    there = linearised(position + step)
+    better = there.cost <= here.cost
     return Pass(
-        position=position + ca.if_else(better, step, 0),
-        damping=damping * ca.if_else(better, 0.01, 100),
-        done=ca.sumsqr(step) < CLOSE**2,
-        information=information,
-        cost=ca.fmin(here, there),
+        here, there, better, damping * ca.if_else(better, 0.01, 100), ca.sumsqr(step) < CLOSE**2
     )

@@ -26,6 +26,10 @@ _MOVED = 0.1
 """A beacon that has moved by more than this fraction of its distance has been relocated."""
 _WIDE = 0.22
 """Spread across a range, as a share of its length, above which its second order says little."""
+_LARGE = 5.0
+"""Standard deviation of the clock [m] above which a fix begins in the middle of the beacons."""
+_NEAR = 30.0
+"""Least prior of the diver about the middle of the beacons, north and east [m]."""
 KEPT = tuple(range(estimate.STATES))
 """The states whose covariance is output: position and velocity."""
 
@@ -62,6 +66,7 @@ def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
         "fix": ca.SX.zeros(3),
         "course": ca.SX.zeros(3),
         "spread": ca.SX.zeros(6),
+        "common": ca.SX.zeros(5),
         **mirror.initial(t),
     }
 
@@ -264,28 +269,42 @@ def _either(condition: Any, one: Measurement, other: Measurement) -> Measurement
 
 
 def _anew(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
-    """A pass of a fix from the latest receptions; the ranges' common error counts as their noise.
+    """A pass of a fix from the latest receptions; the clock is what their ranges have in common.
 
-    The fix is therefore less certain than it might be, and independent of clock and beacons, which
-    keep their priors.
+    Speed of sound and errors of beacons count as their noise. The fix is therefore less certain
+    than it might be, and independent of these, which keep their priors.
     """
     s = _samples(x, u)
     there = x.kind == mirror.THERE
     here = _here(x)
-    image = mirror.reflected(here, s, least_squares.weights(s, _variances(p, s, here.position)))
-    begin = ca.if_else(there, image.position, least_squares.closed_form(s))
-    position = ca.if_else(x.begun, x.fix, begin)
+    every = _variances(p, s, here.position, p.clock_std**2)
+    image = mirror.reflected(here, s, least_squares.weights(s, every))
+    middle = least_squares.middle(s)
+    # Squares of ranges with a large error in common say nothing.
+    first = ca.if_else(
+        p.clock_std > _LARGE, ca.vertcat(middle[:2], s.z[DEPTH]), least_squares.closed_form(s)
+    )
+    position = ca.if_else(x.begun, x.fix, ca.if_else(there, image.position, first))
     course = ca.if_else(there, image.velocity, 0)
     s = mirror.moving(s, course)
-    weight = least_squares.weights(s, _variances(p, s, position))
-    result = least_squares.improve(position, x.damping, s, weight)
-    doubt = ca.fmax(result.cost / ca.fmax(least_squares.degrees(s), 1), 1)
+    clock = sounding_variance(p.clock_std)
+    weight = least_squares.weights(s, _variances(p, s, position, 0))
+    far = ca.fmax(ca.mmax(s.heard[:DEPTH] * s.z[:DEPTH]), _NEAR)
+    known = least_squares.Common(
+        least_squares.reciprocal(clock), middle, least_squares.reciprocal(far**2)
+    )
+    result = least_squares.improve(
+        position, x.damping, lambda place: least_squares.together(place, s, weight, known)
+    )
+    fix = least_squares.chosen(result.better, result.there, result.here)
+    doubt = ca.fmax(fix.cost / ca.fmax(least_squares.degrees(s), 1), 1)
     last = ca.fmax(result.done, x.passes == 1)
     return {
         "begun": last == 0,
-        "fix": result.position,
+        "fix": fix.position,
         "course": course,
-        "spread": pack(doubt * least_squares.inverse(result.information)),
+        "spread": pack(doubt * least_squares.inverse(fix.information)),
+        "common": ca.vertcat(fix.common, fix.alone, fix.lean),
         "beginning": last * (x.kind == mirror.HERE),
         "looking": last * there,
         "damping": result.damping,
@@ -299,12 +318,18 @@ def _here(x: Symbols) -> mirror.Side:
     return mirror.Side(mean[list(POSITION)], mean[list(VELOCITY)], ca.trace(P))
 
 
-def _variances(p: Symbols, s: Samples, position: Any) -> Any:
-    """Variances of the latest samples at a position, (N + 1, 1): what is common is noise, too."""
+def _variances(p: Symbols, s: Samples, position: Any, clock: Any) -> Any:
+    """Variances of the latest samples at a position, (N + 1, 1): what is common is noise, too.
+
+    Parameters
+    ----------
+    clock
+        Variance of the clock [m²]; 0 if its error is known.
+    """
     length = ca.vertcat(*(
         measurements.distance(position, s.beacons[i, :])[0] for i in range(s.count)
     ))
-    common = p.clock_std**2 + p.beacon_error_std**2 + p.beacon_noise_std**2
+    common = clock + p.beacon_error_std**2 + p.beacon_noise_std**2
     ranges = sounding_variance(p.range_std) + common + (p.sound_speed_std * length) ** 2
     depths = sounding_variance(p.depth_std) + p.depth_bias_std**2
     motion = p.prior_velocity_std * (s.newest - s.epoch)
@@ -314,7 +339,7 @@ def _variances(p: Symbols, s: Samples, position: Any) -> Any:
 def _look(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     s, here = _samples(x, u), _here(x)
     there = mirror.Side(x.fix, x.course, ca.trace(unpack(x.spread, 3)))
-    return mirror.looked(p, x, s, _variances(p, s, here.position), here, there)
+    return mirror.looked(p, x, s, _variances(p, s, here.position, p.clock_std**2), here, there)
 
 
 def _begins(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Any:
@@ -326,7 +351,13 @@ def _begin(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     place = list(POSITION)
     mean, P = ca.SX.zeros(field.states(p.beacons)), ca.diag(_unknown(p))
     mean[place], mean[list(VELOCITY)] = x.fix, x.course
-    P[place, place] = unpack(x.spread, 3)
+    own = unpack(x.spread, 3)
+    common, alone, lean = x.common[0], x.common[1], x.common[2:]
+    mean[CLOCK] = common
+    P[place, place] = own
+    P[place, CLOCK] = -own @ lean
+    P[CLOCK, place] = P[place, CLOCK].T
+    P[CLOCK, CLOCK] = alone + ca.dot(lean, own @ lean)
     taken, here = x.beginning == mirror.TAKEN, x.beginning == mirror.HERE
     return {
         "mean": ca.if_else(taken, x.every.mean[bank.EXTRA, :].T, mean),

@@ -8,8 +8,8 @@ take their shares of it, σ_β²/σ_B² and σ_κ²ρ/σ_B².
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import casadi as ca
@@ -17,7 +17,7 @@ import casadi as ca
 from ..equations import Loop, Symbols, Values
 from . import bank, least_squares
 from .estimate import pack, unpack
-from .least_squares import adjugate, reciprocal, symmetric
+from .least_squares import Normal, adjugate, reciprocal, symmetric
 from .measurements import DEPTH, Samples, distance, with_beacons
 from .ping import LEAST_ARRIVAL_STD, UNTIMED_STD, Ping
 from .surroundings import (
@@ -37,6 +37,10 @@ _FAR_STD = 30.0
 """Least prior of the diver about the platform, north and east [m]: see `_near`."""
 _UNTIMED = 50.0
 """First guess of the distance if the time of the ping is unknown [m]."""
+_MEDIAN = 0.6745
+"""Median of the length of a number with a normal distribution, over its standard deviation."""
+_FITS = 9.0
+"""Weighted squares by which a fix further out may fit worse: a late range makes as much."""
 _LEAST_OFFSET_STD = 1e-3
 """Smallest standard deviation of the common error of all ranges [m]."""
 
@@ -164,33 +168,6 @@ class Offset:
     ping: Any
 
 
-@dataclass(frozen=True, slots=True)
-class Fix:
-    """A fix, linearised at a position.
-
-    Attributes
-    ----------
-    position
-        (3, 1) [m].
-    information, slope
-        Normal equations of the position.
-    cost
-        Weighted sum of squared residuals.
-    offset, alone
-        The common offset [m], and its variance for a known position [m²].
-    lean
-        Negative derivative of the offset with respect to the position, (3, 1).
-    """
-
-    position: Any
-    information: Any
-    slope: Any
-    cost: Any
-    offset: Any
-    alone: Any
-    lean: Any
-
-
 def _offset(p: Symbols, length: Any, ping: Ping | None) -> Offset:
     """The common offset of ranges of a given length [m]: β + κ length."""
     speed = p.sound_speed_std**2 * length
@@ -201,42 +178,6 @@ def _offset(p: Symbols, length: Any, ping: Ping | None) -> Offset:
         variance += common + ping.late_together(p) * _late_variance(p)
     share = reciprocal(variance)
     return Offset(variance, p.clock_std**2 * share, speed * share, common * share)
-
-
-def _fit(position: Any, platform: Any, s: Samples, weight: Any, prior: Any, close: Any) -> Fix:
-    """Linearise the fix at a position.
-
-    Parameters
-    ----------
-    platform
-        Its position, (3, 1) [m].
-    prior, close
-        Information on the common offset, and of `_near` [1/m²].
-    """
-    alone = reciprocal(ca.sum1(weight[:DEPTH]) + prior)
-    information, slope = ca.SX.zeros(3, 3), ca.SX.zeros(3)
-    cost, first, lean = ca.SX(0), ca.SX(0), ca.SX.zeros(3)
-    for i in range(s.count):
-        length, gradient = distance(position, s.beacons[i, :])
-        residual = s.z[i] - length
-        information += weight[i] * gradient @ gradient.T
-        slope += weight[i] * residual * gradient
-        cost += weight[i] * residual**2
-        first += weight[i] * residual
-        lean += weight[i] * gradient
-    residual = s.z[DEPTH] - position[2]
-    information[2, 2] += weight[DEPTH]
-    slope[2] += weight[DEPTH] * residual
-    cost += weight[DEPTH] * residual**2
-    near = ca.SX([1, 1, 0]) * close
-    off = position - platform
-    return Fix(
-        position,
-        symmetric(information - alone * (lean @ lean.T) + ca.diag(near)),
-        slope - alone * first * lean - near * off,
-        cost - alone * first**2 + ca.dot(near, off**2),
-        alone * first, alone, alone * lean,
-    )
 
 
 def _late_variance(p: Symbols) -> Any:
@@ -261,7 +202,7 @@ class _Fixed:
     Attributes
     ----------
     position, information, alone, lean, value
-        As in `Fix`; ``value`` is its offset.
+        As in `Normal`; ``value`` is what its ranges have in common.
     doubt
         Factor of the samples' information: less than 1 where they disagree.
     depth_weight, near
@@ -319,30 +260,46 @@ def _pass(p: Symbols, x: Symbols, u: Symbols, mean: Any, ping: Ping | None) -> V
     )
     weight = least_squares.weights(s, variances + motion**2)
 
-    close = _near(p, s, ping)
-    here = _fit(position, platform, s, weight, prior, close)
-    damped = here.information + x.damping * ca.diag(ca.diag(here.information))
-    step = least_squares.inverse(damped) @ here.slope
-    there = _fit(position + step, platform, s, weight, prior, close)
-    better = there.cost <= here.cost
-    last = ca.fmax(ca.sumsqr(step) < least_squares.CLOSE**2, x.passes == 1)
-    fix = Fix(*(
-        ca.if_else(better, getattr(there, f.name), getattr(here, f.name)) for f in fields(Fix)
-    ))
+    known = least_squares.Common(prior, platform, _near(p, s, ping))
+
+    def linearised(place: Any) -> Normal:
+        return least_squares.together(place, s, weight, known)
+
+    result = least_squares.improve(position, x.damping, linearised)
+    last = ca.fmax(result.done, x.passes == 1)
+    fix = least_squares.chosen(result.better, result.there, result.here)
+    fix = _outward(fix, known, last, linearised)
     degrees = ca.fmax(ca.sum1(s.heard[:DEPTH]) - 2, 1)
     # Samples that disagree get less weight. The assumption that the diver is near does not.
     doubt = reciprocal(ca.fmax(fix.cost / degrees, 1))
     fixed = _Fixed(
-        fix.position, fix.information, fix.offset, fix.alone, fix.lean, doubt, weight[DEPTH],
-        close, offset,
+        fix.position, fix.information, fix.common, fix.alone, fix.lean, doubt, weight[DEPTH],
+        known.near, offset,
     )
     return {
         "fix": fix.position,
         "fixed": fixed.numbers,
         "beginning": last * x.kind,
-        "damping": x.damping * ca.if_else(better, 0.01, 100),
+        "damping": result.damping,
         "passes": ca.if_else(last, 0, x.passes - 1),
     }
+
+
+def _outward(
+    fix: Normal, known: least_squares.Common, last: Any, linearised: Callable[[Any], Normal]
+) -> Normal:
+    """A final fix, but not nearer than where the diver is as likely to be nearer as farther.
+
+    Unless the clock is known, ranges of a short baseline hardly tell the distance. The best fit is
+    often next to the platform, where derivatives seem to tell it.
+    """
+    likely = ca.fmin(_MEDIAN * ca.sqrt(reciprocal(known.prior + known.near)), _UNTIMED)
+    away = fix.position[:2] - known.middle[:2]
+    length = ca.sqrt(ca.fmax(ca.sumsqr(away), 1e-6))
+    place = known.middle[:2] + away * (ca.fmax(length, likely) / length)
+    there = linearised(ca.vertcat(place, fix.position[2]))
+    fits = there.cost < fix.cost + _FITS
+    return least_squares.chosen(last * (length < likely) * fits, there, fix)
 
 
 def _joined(

@@ -14,6 +14,7 @@ from ..acoustics.ranging import INVERTED, legs
 from ..acoustics.schedules import schedule_of
 from ..receiver.variables import SLOWEST_TILT
 from ..symbols import absolute
+from . import boat
 from .beacons import beacons_of
 from .echoes import late, mean_excess, share
 from .either import (
@@ -52,6 +53,7 @@ _WAVES = (
 _DELAY = (
     "acoustics.turnaround_beacon_std_s", "acoustics.ranging", "acoustics.assumed_sound_speed_m_s",
 )
+_TRACK = ("platform.track_count", "platform.track_time_s")
 _MOORING = ("platform.watch_circle_m", "platform.mooring_time_s")
 
 SOURCES: Mapping[str, Sequence[str]] = {
@@ -76,15 +78,21 @@ SOURCES: Mapping[str, Sequence[str]] = {
     "platform_velocity_std_m_s": (
         "platform.surge_amplitude_m", "platform.surge_frequency_Hz", "platform.sway_amplitude_m",
         "platform.sway_frequency_Hz",
-        *_WAVES, *_MOORING, "platform.boat_speed_m_s",
+        *_WAVES, *_MOORING, "platform.boat_speed_m_s", *_TRACK, "platform.track_m",
     ),
     "platform_velocity_time_s": (
         "platform.surge_amplitude_m", "platform.surge_frequency_Hz", "platform.sway_amplitude_m",
         "platform.sway_frequency_Hz",
-        *_WAVES, *_MOORING, "platform.boat_speed_m_s",
+        *_WAVES, *_MOORING, "platform.boat_speed_m_s", *_TRACK, "platform.track_m",
     ),
-    "heading_rate_std_deg_s": ("platform.yaw_amplitude_deg", "platform.yaw_frequency_Hz"),
-    "heading_rate_time_s": ("platform.yaw_amplitude_deg", "platform.yaw_frequency_Hz"),
+    "heading_rate_std_deg_s": (
+        "platform.yaw_amplitude_deg", "platform.yaw_frequency_Hz", *_TRACK,
+        "platform.track_heading_deg",
+    ),
+    "heading_rate_time_s": (
+        "platform.yaw_amplitude_deg", "platform.yaw_frequency_Hz", *_TRACK,
+        "platform.track_heading_deg",
+    ),
     "heave_std_m": (
         "platform.heave_amplitude_m", "platform.mean_position_m", *_WAVES,
     ),
@@ -217,7 +225,7 @@ def assumed(
         "gps_vertical_std_m": _with(place, platform.gps_vertical_std_m),
         **_vertical_error(platform),
         **_velocity(platform),
-        **_motion(platform, ("yaw",), "heading_rate_std_deg_s", "heading_rate_time_s"),
+        **_heading_rate(platform),
         **_heave(platform),
         **_tilt(platform),
         "imu_heading_std_deg": _with(turn, platform.imu_heading_std_deg),
@@ -485,14 +493,26 @@ def _motion(platform: Any, axes: Sequence[str], std: str, time: str) -> dict[str
     return {std: sqrt(rate / len(axes)), **_known(time, rate > 0, sqrt(ratio(place, rate)))}
 
 
+def _heading_rate(platform: Any) -> dict[str, Any]:
+    """RMS rate of the platform's heading, and its correlation time."""
+    keys = "heading_rate_std_deg_s", "heading_rate_time_s"
+    return boat.turning(platform, _motion(platform, ("yaw",), *keys), *keys, yaw=True)
+
+
+_VELOCITY = "platform_velocity_std_m_s", "platform_velocity_time_s"
+
+
 @branching
 def _velocity(platform: Any) -> dict[str, Any]:
     """RMS velocity of the platform per axis, and its correlation time.
 
-    The velocity of a boat under way is constant. It adds to the mean square, and the time grows as
-    much, so that the noise that changes the velocity, 2 σ²/τ, stays that of waves and drift.
+    The velocity of a boat on a straight course is constant. It adds to the mean square, and the
+    time grows as much, so that the noise that changes the velocity, 2 σ²/τ, stays that of waves and
+    drift.
     """
     told = _wavering(platform)
+    if not symbolic(platform.track_count) and platform.track_count:
+        return boat.turning(platform, told, *_VELOCITY)
     std: Any = told["platform_velocity_std_m_s"]
     time = told.get("platform_velocity_time_s")
     way = platform.boat_speed_m_s
@@ -501,11 +521,11 @@ def _velocity(platform: Any) -> dict[str, Any]:
     grown = square(ratio(both, where(moves, std, 1.0)))
     longer = (_STILL if time is None else time) * grown
     slow = where(moves, longer, _STILL)
-    return {
+    return boat.turning(platform, {
         "platform_velocity_std_m_s": where(way > 0, both, std),
         **_known("platform_velocity_time_s", (std + way) > 0,
                  where(way > 0, slow, _STILL if time is None else time)),
-    }
+    }, *_VELOCITY)
 
 
 def _wavering(platform: Any) -> dict[str, Any]:
@@ -515,11 +535,11 @@ def _wavering(platform: Any) -> dict[str, Any]:
                        "platform_velocity_time_s")
     parts = of_waves(platform)[0], of_mooring(platform)
     rate = total(it[1] for it in parts)
-    # One process for waves and drift: it spreads as fast as both together.
-    spread = total(sqrt(place * rate) for place, rate in parts)
+    # One process for waves and drift: the noises that change their velocities, 2 σ²/τ, add.
+    changes = total(it[1] * ratio(1.0, sqrt(ratio(*it))) for it in parts)
     return {
         "platform_velocity_std_m_s": sqrt(rate / 2),
-        **_known("platform_velocity_time_s", rate > 0, ratio(spread, rate)),
+        **_known("platform_velocity_time_s", rate > 0, ratio(rate, changes)),
     }
 
 

@@ -29,7 +29,7 @@ OF_RECEIVERS: Mapping[str, Variable] = {
 def is_list(variables: Iterable[Variable], variable: Variable) -> bool:
     """Whether an array has a fixed capacity and a separate count."""
     name = variable.name
-    for end in ("_time", "_depth", "_speed"):
+    for end in ("_time", "_depth", "_speed", "_heading"):
         name = name.removesuffix(end)
     return any(v.name == f"{name}_count" for v in variables)
 

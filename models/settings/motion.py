@@ -9,16 +9,10 @@ from typing import Any
 from ..platform import spectrum
 from ..platform.variables import ANGLES
 from . import either
-from .either import both, square, where
+from .either import square
 
 Sums = tuple[Any, Any]
 """Mean squares of a motion and of its rate, summed over axes."""
-
-
-def heading(platform: Any) -> Any:
-    """Mean heading of a platform that has none given [deg]: a boat points where she goes."""
-    goes = both(platform.boat_speed_m_s != 0, platform.boat_course_deg != 0)
-    return where(goes, platform.boat_course_deg, 0.0)
 
 
 def is_sine(platform: Any, axis: str) -> bool:

@@ -23,12 +23,15 @@ Weighted = tuple[Any, Any, Any, Any]
 
 def counts(target: Any) -> dict[str, int]:
     """Keys of ``[target]`` that follow from the given points."""
-    found = {}
+    found = points(target)
     if target.waypoint_m:
         found["waypoint_count"] = len(target.waypoint_m) // 3
-    if target.track_time_s:
-        found["track_count"] = len(target.track_time_s)
     return found
+
+
+def points(table: Any) -> dict[str, int]:
+    """The number of points of a track, of a diver or of a boat, if they are given."""
+    return {"track_count": len(table.track_time_s)} if table.track_time_s else {}
 
 
 def sketch(target: Any) -> list[Weighted]:

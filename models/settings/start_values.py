@@ -13,10 +13,10 @@ from typing import Any
 from .. import RECEIVERS, declared
 from ..declaration import Component, Variable
 from .assumptions import PARAMETERS, assumed, clock, knowledge, levels
+from .boat import heading
 from .either import where
 from .expression import Expression, computed, inputs_of, ordered, symbol
 from .keys import OF_RECEIVERS, in_si
-from .motion import heading
 from .names import TableOfInputs, branching, chosen, elements, names_of
 from .times import update_interval
 

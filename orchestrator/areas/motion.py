@@ -13,7 +13,7 @@ from sblcosim.models.target.variables import COMPONENT as TARGET
 from ..errors import ConfigurationError, instance, shortened
 from ..scenario.scenario import Scenario, load
 from ..scenario.schema import PRIOR_KEYS
-from ..scenario.tracks import FILE_KEYS
+from ..scenario.tracks import FILE_KEYS, follows
 
 Floats = NDArray[np.float64]
 
@@ -137,6 +137,11 @@ def circling(scenario: Scenario, circle: Circle, depth: float, duration_s: float
         raise ConfigurationError(
             f"{scenario.where('target', 'fmu')}: must be left out for a map, whose divers move in "
             f"circles, got {scenario.target.fmu}"
+        )
+    if scenario.platform.fmu is None and follows("platform", scenario.platform):
+        raise ConfigurationError(
+            f"{scenario.where('platform', 'track_m')}: must be left out for a map, as a boat under "
+            f"way leaves every cell, got {scenario.platform.track_count} points"
         )
     if scenario.platform.fmu is None and scenario.platform.boat_speed_m_s:
         raise ConfigurationError(

@@ -7,6 +7,7 @@ from io import TextIOWrapper
 
 from .commands import (
     simulate,
+    exploring,
     new,
     tournament,
     areas,

@@ -94,10 +94,13 @@ def _path(device: Device) -> dict[str, Any] | None:
         return None
     std, _, _, psd, rate, turn, _ = device.motion.parameters.tolist()
     density = psd + (rate * turn**2 if device.motion.turns else 0.0)
-    north, east = (
-        smoothed(time, np.asarray(found[axis][0], float)[first], std, density)[0]
-        for axis in ("north", "east")
-    )
+    try:
+        north, east = (
+            smoothed(time, np.asarray(found[axis][0], float)[first], std, density)[0]
+            for axis in ("north", "east")
+        )
+    except np.linalg.LinAlgError:  # estimates as scattered as those of a few centimetres of arms
+        return None
     rows: Floats = np.column_stack([north, east, ranges.down[first]])
     if not np.isfinite(rows).all():
         return None

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from sblcosim.models.acoustics.ranging import legs
+from sblcosim.models.acoustics.ranging import INVERTED, legs
 
 from .. import artifacts, style
 from ..answer import Answer
@@ -124,7 +124,18 @@ class Identified(Answer):
     @property
     def remarks(self) -> Sequence[str]:
         """Remarks that are needed to read the numbers."""
-        return [*self.said, *self.device.remarks]
+        return [*self.said, *self.device.remarks, *self._shared()]
+
+    def _shared(self) -> list[str]:
+        """What all arrivals of a ping share cannot be told apart from the rest."""
+        a = self.base.acoustics
+        if a.ranging not in INVERTED or not (a.range_common_std_m or a.arrivals_shared):
+            return []
+        return [
+            "not in this log: how much of the noise all arrivals of a ping share; "
+            f"acoustics.range_std_m ({a.range_std_m:g} m) and range_common_std_m "
+            f"({a.range_common_std_m:g} m) stay those of {self.base.name}"
+        ]
 
     def overrides(self) -> dict[str, Any]:
         """Keys of the scenario that the log decides: what it does not tell keeps its value.
@@ -135,6 +146,7 @@ class Identified(Answer):
         noise, too (`Device.white_std`), as no simulated device has them. Losses come in bursts
         where the interval of their length does not hold that of independent losses.
 
+        What all arrivals of a ping share is part of the noise of a range: both stay as they are.
         Of two-way ranges, a loss is that of either leg, an offset is a delay of the answer, and the
         noise of answers is part of that of ranges.
         """
@@ -145,7 +157,9 @@ class Identified(Answer):
         if "loss_share" in known and self._legs > 1:  # of a range; both legs must arrive
             changes[_KEYS["loss_share"]] = 1 - sqrt(1 - known["loss_share"])
         changes |= self._bursts()
-        if "range_std" in known:
+        if self._shared():
+            changes.pop(_KEYS["range_std"], None)
+        elif "range_std" in known:
             changes[_KEYS["range_std"]] = self.device.white_std
         if "gps_std" in known or "gps_markov_std" in known:
             changes |= {key: known[n] for n, key in _GPS_KEYS.items() if n in known}

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from sblcosim.fmus.stopping import interruptible
+from sblcosim.models.settings.assumptions import has_clock
 
 from ..data.estimates import Floats
 from ..data.samples import OWN, Samples, of_record
@@ -15,6 +16,7 @@ from ..errors import ConfigurationError
 from ..estimation.after import LONG_BASELINE, assumed, prepared
 from ..estimation.folder import RECORD, read_run
 from ..estimation.model import parameters
+from ..logs.columns import OF_RANGING
 from ..logs.log import Log
 from ..logs.read import read_log
 from ..processing.settings import Given, Settled, settled
@@ -64,9 +66,11 @@ def identify(
     """
     if isinstance(log, Result) or (not isinstance(log, Log) and (Path(log) / RECORD).is_file()):
         samples, body, known, base = of_run(log)
+        _check_clock(base)
         name = base.name if isinstance(log, Result) else Path(log).resolve().name
         return Identified(name, device_of(samples, body, known), base)
     ready = settled(log if isinstance(log, Log) else read_log(log, mapping), scenario)
+    _check_clock(ready.scenario)
     samples, body, known, base = of_log(ready)
     device = device_of(samples, body, known)
     base = _ranging(ready.log, base, scenario is not None)
@@ -77,22 +81,34 @@ def identify(
     return Identified(ready.log.name, device, base, said, ready.log.beacons, dive)
 
 
+def _check_clock(scenario: Scenario) -> None:
+    """Refuse differences of arrivals: without a path, they tell nothing of the device."""
+    if not has_clock(scenario.acoustics):
+        raise ConfigurationError(
+            "log: must have ranges to tell its device, got differences of arrivals: "
+            f"{scenario.where('acoustics', 'common_clock')} is false"
+        )
+
+
 def _ranging(log: Log, base: Scenario, given: bool) -> Scenario:
     """The scenario with the way to range that the log tells.
 
     Raises
     ------
     ConfigurationError
-        The log has one-way and two-way ranges, and no scenario says what the device does.
+        The log has ranges of several kinds, and no scenario says what the device does.
     """
-    if log.scenario is not None or log.two_way == 0.0:
+    kinds = {ranging: log.kinds.get(kind, 0.0) for ranging, kind in OF_RANGING.items()}
+    others = {ranging: share for ranging, share in kinds.items() if share and ranging != "one_way"}
+    if log.scenario is not None or not others:
         return base
-    if log.two_way < 1 and not given:
+    (ranging, share), *more = others.items()
+    if (share < 1 or more) and not given:
         raise ConfigurationError(
             f"log: must have ranges of one kind, or come with a scenario that has the ranging of "
-            f"the device, got {percent(log.two_way)} two-way ranges in {log.name}"
+            f"the device, got {percent(share)} {OF_RANGING[ranging]} ranges in {log.name}"
         )
-    return base.override({"acoustics.ranging": "two_way"}) if log.two_way == 1 else base
+    return base.override({"acoustics.ranging": ranging}.items()) if share == 1 else base
 
 
 def _named(log: Log) -> list[str]:

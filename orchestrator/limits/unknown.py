@@ -21,6 +21,8 @@ from sblcosim.models.settings.motion import is_sine, of_waves
 
 from ..scenario.arrangement import has_own_errors
 from ..scenario.error_sources import DELAYS, SOURCES, SURVEY, UNMODELLED
+from ..scenario.tracks import follows
+from ..tracks.resample import motion
 from ..words.lists import listed
 from .geometry import hdop
 from .parameters import beacons_of, parameters
@@ -66,10 +68,7 @@ def squares(scenario: Scenario, position: Floats, since_s: Floats) -> dict[str, 
         NaN where ranges say nothing of the place, or nothing is known of such an error.
     """
     found = {}
-    p = scenario.platform
-    course = np.deg2rad(p.boat_course_deg)
-    way = p.boat_speed_m_s * np.array([cos(course), sin(course), 0.0])
-    position = position - np.asarray(since_s, float)[:, None] * way
+    position = _beside(scenario.platform, position, np.asarray(since_s, float))
     for words, keys in _by_source(scenario):
         if DELAYS in keys:
             found[words] = _delayed(scenario, position)
@@ -79,6 +78,26 @@ def squares(scenario: Scenario, position: Floats, since_s: Floats) -> dict[str, 
             found[words] = _turned(scenario, position, since_s, keys)
         else:
             found[words] = np.full(len(position), np.nan)
+    return found
+
+
+def _beside(platform: Any, position: Floats, since_s: Floats) -> Floats:
+    """Where divers were beside the platform, had it stayed where it was and kept its heading."""
+    if not follows("platform", platform):
+        course = np.deg2rad(platform.boat_course_deg)
+        way = platform.boat_speed_m_s * np.array([cos(course), sin(course), 0.0])
+        straight: Floats = position - since_s[:, None] * way
+        return straight
+    used = slice(platform.track_count)
+    track = np.reshape(platform.track_m, (-1, 2))
+    turned = np.deg2rad(platform.track_heading_deg or np.zeros(len(track)))
+    points = np.column_stack([track, turned])[used]
+    times = np.asarray(platform.track_time_s)[used]
+    way, _ = motion(times, points, since_s - platform.departure_time_s)
+    mean = np.asarray(platform.mean_position_m, float)
+    north, east, down = (position - mean).T - np.stack([*way.T[:2], np.zeros(len(way))])
+    c, s = np.cos(way[:, 2]), np.sin(way[:, 2])
+    found: Floats = mean + np.column_stack([c * north + s * east, c * east - s * north, down])
     return found
 
 

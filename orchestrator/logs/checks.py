@@ -16,7 +16,7 @@ from ..data.truth import Truth
 from ..data.turns import turned
 from ..errors import ConfigurationError, nearest, quoted, shortened
 from ..words.lists import first_of, listed
-from .columns import FARTHEST, KINDS, TABLES, TIMES
+from .columns import AT_ARRIVAL, FARTHEST, FROM_DIVER, KINDS, SIGNED, TABLES, TIMES
 from .log import Log, Receptions
 from .meta import BEACONS, Meta, meta_of
 from .raw import REPEATED
@@ -71,13 +71,13 @@ def log_of(raw: Raw) -> Log:
     if meta.dimension == 2 and len(raw.tables.get("depth", ())):
         remarks.append("depths are not used: the log has dimension = 2")
     truth, fixes = _truth(raw), _fixes(raw)
-    two_way, turnaround = _two_way(raw.tables.get("receptions"))
+    turnaround = _usual_turn_around(raw.tables.get("receptions"))
     remarks += _own_axes(meta, fixes)
     return Log(
         name=meta.name or raw.name, meta=meta, beacons=beacons, receptions=heard,
         depth_ns=depth_ns, depth=depth, truth=truth, fixes=fixes,
         findings=tuple(raw.findings), remarks=(*raw.remarks, *remarks), scenario=raw.scenario,
-        entries=entries, two_way=two_way, turnaround_s=turnaround,
+        entries=entries, turnaround_s=turnaround,
     )
 
 
@@ -123,7 +123,8 @@ def _receptions(raw: Raw, meta: Meta) -> tuple[Receptions, tuple[str, ...]]:
         table = _without(raw, "receptions", table, ~known, "no kind of range")
     table = _without(raw, "receptions", table, _unreadable(table), "a number that cannot be read")
     table["range"] = _ranges(table, meta)
-    bad = ~((table["range"] >= 0) & (table["range"] <= FARTHEST))
+    least = np.where(_kinds(table) == SIGNED, -FARTHEST, 0.0)
+    bad = ~((table["range"] >= least) & (table["range"] <= FARTHEST))
     table = _without(raw, "receptions", table, bad.to_numpy(), "no range from 0 m to 1,000 km")
     untimed = ((table["arrival"] == MISSING) & (table["epoch"] == MISSING)).to_numpy(bool)
     table = _without(raw, "receptions", table, untimed, "no time")
@@ -265,29 +266,36 @@ def _kinds(table: pd.DataFrame) -> Any:
     return words.where(words.isin(KINDS), KINDS[0]).to_numpy(str)
 
 
-def _two_way(table: pd.DataFrame | None) -> tuple[float, float]:
-    """Share of two-way ranges, and their usual turn-around [s]."""
+def _usual_turn_around(table: pd.DataFrame | None) -> float:
+    """Of two-way ranges [s]; 0: there are none, or it is not known."""
     if table is None or table.empty:
-        return 0.0, 0.0
-    asked = _kinds(table) == "two-way"
-    waits = _turn_around(table)[asked]
-    return float(asked.mean()), float(np.median(waits)) if len(waits) else 0.0
+        return 0.0
+    waits = _turn_around(table)[_kinds(table) == "two-way"]
+    return float(np.median(waits)) if len(waits) else 0.0
 
 
 def _with_both_times(table: pd.DataFrame, meta: Meta) -> pd.DataFrame:
     """Epochs from arrivals where the device gives none, and the reverse.
 
     A two-way range is the mean of the distances at the question and at the answer: it belongs to
-    the middle between them.
+    the middle between them. The arrivals of a numbered ping of the diver belong to their mean.
     """
     kinds = _kinds(table)
     flight = table["range"].to_numpy() / meta.sound_speed_m_s
     wait = np.where(kinds == "two-way", _turn_around(table) / 2, 0.0)
-    after = np.where(kinds == "range", 0.0, flight + wait)
+    after = np.where(np.isin(kinds, AT_ARRIVAL), 0.0, flight + wait)
     late = np.rint(after * SECOND).astype(TIMES)
     arrival, epoch = table["arrival"].to_numpy(), table["epoch"].to_numpy()
     table["arrival"] = np.where(arrival == MISSING, epoch + late, arrival)
     table["epoch"] = np.where(epoch == MISSING, arrival - late, epoch)
+    heard = np.isin(kinds, FROM_DIVER) & (epoch == MISSING) & (arrival != MISSING)
+    if "ping" in table:
+        pings = numbers(table["ping"])
+        heard &= np.isfinite(pings)
+        for ping in np.unique(pings[heard]).tolist():
+            own = heard & (pings == ping)
+            first = arrival[own].min()
+            table.loc[own, "epoch"] = first + int(np.rint((arrival[own] - first).mean()))
     return table
 
 
@@ -392,13 +400,14 @@ def _arrays(table: pd.DataFrame, meta: Meta, names: tuple[str, ...]) -> Receptio
             packet[:, number[found[1]], "ned".index(found[2])] = values
     if not n:
         return Receptions(
-            arrival_ns=np.zeros(0, TIMES), epoch_ns=np.zeros(0, TIMES), beacon=beacon,
+            arrival_ns=np.zeros(0, TIMES), epoch_ns=np.zeros(0, TIMES), beacon=beacon, kind=beacon,
             range=np.zeros(0), beacon_position=position, has_pose=posed, platform_position=place,
             platform_attitude=turn, packet=packet, line=np.zeros(0, TIMES),
         )
     return Receptions(
         arrival_ns=table["arrival"].to_numpy(TIMES), epoch_ns=table["epoch"].to_numpy(TIMES),
-        beacon=beacon, range=table["range"].to_numpy(float), beacon_position=position,
+        beacon=beacon, kind=np.array([KINDS.index(it) for it in _kinds(table)], np.intp),
+        range=table["range"].to_numpy(float), beacon_position=position,
         has_pose=posed, platform_position=place, platform_attitude=turn, packet=packet,
         line=table["line"].to_numpy(TIMES),
     )

@@ -6,8 +6,16 @@ from typing import Literal
 
 from ..data.tables import Columns, TableColumn
 
-KINDS = ("one-way", "two-way", "range", "pseudorange")
+KINDS = ("one-way", "two-way", "range", "pseudorange", "inverted", "difference")
 """Kinds of receptions: how the epoch of a range follows from its arrival (`epoch_ns`)."""
+SIGNED = "difference"
+"""The kind whose ranges may be negative."""
+FROM_DIVER = ("inverted", SIGNED)
+"""Kinds of ranges for which the diver pings and the beacons listen."""
+AT_ARRIVAL = ("range", *FROM_DIVER)
+"""Kinds of ranges that belong to the time of the arrival."""
+OF_RANGING = {"one_way": "one-way", "two_way": "two-way", "inverted": "inverted"}
+"""Kinds of ranges by the key ``acoustics.ranging``; without a common clock they are `SIGNED`."""
 FARTHEST = 1e6
 """Longest range, and largest coordinate, that counts as a number [m]."""
 TIMES = "int64"
@@ -26,7 +34,10 @@ RECEPTIONS = Columns(
         TableColumn("kind", "How the range was measured. The epoch is the arrival minus the travel "
                     "time for ``one-way``, the default, and ``pseudorange``, minus half of the "
                     "round trip and of the turn-around for ``two-way``, and the arrival itself for "
-                    "``range``. One of",
+                    "``range``, and for ``inverted`` and ``difference``, where the diver pings and "
+                    "the beacons listen: the mean arrival of the ``ping``, if numbered. A "
+                    "``difference`` counts from the arrival at the middle of the beacons, without "
+                    "a common clock. One of",
                     type=Literal[KINDS], sometimes=True),
         TableColumn("range_m", "Range; it takes precedence over a time of flight", "m",
                     type=float, sometimes=True),

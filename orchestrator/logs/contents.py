@@ -21,6 +21,7 @@ from ..shown import Picture
 from ..words.lists import counted, first_of
 from ..words.numbers import is_missing, rounded
 from ..words.shares import percent
+from .columns import SIGNED
 from .figures import gaps, plot_log, series_of
 from .folder import SCENARIO, write
 from .log import Log
@@ -102,6 +103,7 @@ class LogContents(Answer):
                 "span_s": (log.stop_ns - log.start_ns) / 1e9,
                 "start_utc": date_of(log.start_ns) if log.dated else None,
                 "dimension": log.meta.dimension,
+                "kinds": dict(log.kinds),
                 "origin": None if log.meta.origin is None else log.meta.origin.model_dump(),
                 "beacons": BEACONS.rows(self.beacons),
                 "series": SERIES.rows(self.series),
@@ -137,8 +139,7 @@ class LogContents(Answer):
         log, span = self.log, (self.log.stop_ns - self.log.start_ns) / 1e9
         parts = []
         if len(log.receptions):
-            parts.append(f"{counted(len(log.receptions), 'range')} of "
-                         f"{counted(len(log.beacons), 'beacon')}")
+            parts.append(f"{_ranges(log)} of {counted(len(log.beacons), 'beacon')}")
         if len(log.depth):
             parts.append(counted(len(log.depth), "depth"))
         parts += [f"{len(it):,} positions by {name}" for name, it in log.fixes.items()]
@@ -194,6 +195,18 @@ class LogContents(Answer):
 
     def _gist(self) -> str:
         return f"of {self.log.name}"
+
+
+def _ranges(log: Log) -> str:
+    """How many ranges there are of each kind; those of the default kind need no word."""
+    n, kinds = len(log.receptions), log.kinds
+    if len(kinds) > 1:
+        parts = (f"{percent(share)} {kind}" for kind, share in kinds.items())
+        return f"{counted(n, 'range')} ({', '.join(parts)})"
+    (kind,) = kinds
+    if kind == SIGNED:
+        return f"{counted(n, kind)} of arrivals"
+    return counted(n, f"{kind} range" if kind in ("two-way", "inverted") else "range")
 
 
 def _cell(name: str, value: Any) -> str:

@@ -19,7 +19,7 @@ from ..errors import ConfigurationError, one_line, quoted, shortened
 from ..scenario.reading import shown
 from ..scenario.schema import toml
 from . import meta, text
-from .columns import TABLES
+from .columns import KINDS, TABLES
 from .log import Log
 from .raw import Raw
 
@@ -112,6 +112,7 @@ def frame_of(log: Log) -> pd.DataFrame:
         "arrival_ns": heard.arrival_ns,
         "epoch_ns": heard.epoch_ns,
         "beacon": np.array(log.beacons, object)[heard.beacon],
+        **({"kind": np.array(KINDS, object)[heard.kind]} if heard.kind.any() else {}),
         "range_m": heard.range,
         **_three("reported_{}_m", "ned", heard.beacon_position),
     }

@@ -18,6 +18,7 @@ from ..data.samples import Samples
 from ..data.truth import Truth
 from ..shown import Shown
 from ..words.lists import counted, plural
+from .columns import KINDS
 from .meta import BEACONS, Meta
 from .raw import Flaw
 
@@ -37,6 +38,8 @@ class Receptions:
         Time of the arrival, and the time to which the range belongs [ns].
     beacon
         Index of the beacon in `Log.beacons`.
+    kind
+        How the range was measured: index in `sblcosim.logs.columns.KINDS`.
     range
         [m].
     beacon_position
@@ -54,6 +57,7 @@ class Receptions:
     arrival_ns: Integers
     epoch_ns: Integers
     beacon: NDArray[np.intp]
+    kind: NDArray[np.intp]
     range: Floats
     beacon_position: Floats
     has_pose: Flags
@@ -65,7 +69,7 @@ class Receptions:
     def __len__(self) -> int:
         return len(self.range)
 
-    def chosen(self, which: Flags) -> Self:
+    def chosen(self, which: Flags | NDArray[np.intp]) -> Self:
         """The selected packets."""
         return type(self)(**{f.name: getattr(self, f.name)[which] for f in fields(self)})
 
@@ -100,10 +104,8 @@ class Log(Shown):
         Number of entries in the source, before any was left out, by the name of their table.
     source
         Path that the log was read from, as it was given; empty for other logs.
-    two_way
-        Share of the ranges that are two-way.
     turnaround_s
-        Usual turn-around of these [s]; 0: it is not in the log.
+        Usual turn-around of two-way ranges [s]; 0: it is not in the log.
     """
 
     name: str
@@ -119,7 +121,6 @@ class Log(Shown):
     scenario: Path | None = None
     entries: Mapping[str, int] = field(default_factory=dict)
     source: str = ""
-    two_way: float = 0.0
     turnaround_s: float = 0.0
 
     @property
@@ -142,6 +143,13 @@ class Log(Shown):
         return (
             min(int(times.min()) for times in some), max(int(times.max()) for times in some)
         ) if some else (0, 0)
+
+    @property
+    def kinds(self) -> Mapping[str, float]:
+        """The kinds of its ranges, and the share of each."""
+        number, count = np.unique(self.receptions.kind, return_counts=True)
+        shares = (count / max(count.sum(), 1)).tolist()
+        return {KINDS[i]: share for i, share in zip(number.tolist(), shares, strict=True)}
 
     @property
     def dated(self) -> bool:
@@ -181,8 +189,9 @@ class Log(Shown):
         tables: list[Receptions | Truth] = [self.receptions]
         if self.truth is not None:
             tables.append(self.truth)
+        one_way = not self.receptions.kind.any()
         each = [getattr(table, f.name) for table in tables for f in fields(table)
-                if f.name != "line"]
+                if f.name != "line" and not (f.name == "kind" and one_way)]
         each += [self.depth_ns, self.depth]
         each += [own for fixes in self.fixes.values() for own in fixes.columns().values()]
         for array in each:

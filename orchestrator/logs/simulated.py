@@ -11,6 +11,7 @@ from ..data import samples, truth
 from ..data.estimates import Flags, Floats, Integers
 from ..data.record import Record, epochs_ns
 from ..errors import ConfigurationError
+from .columns import KINDS
 from .log import Log, Receptions
 from .meta import Meta, OriginTable
 
@@ -24,10 +25,15 @@ _ALL, _ARRIVAL = "acoustics.packet_beacon_position", "acoustics.arrival_epoch"
 
 
 def of_record(record: Record, *, name: str, title: str = "", sound_speed: float = 1500.0,
-              origin: Origin | None = None) -> Log:
+              origin: Origin | None = None, kind: str = KINDS[0]) -> Log:
     """The log of a run, with its truth; names of beacons are 1, 2, ….
 
     Of several packets of a beacon between two instants, the last counts, as for a receiver.
+
+    Parameters
+    ----------
+    kind
+        How its ranges were measured, of `sblcosim.logs.columns.KINDS`.
 
     Raises
     ------
@@ -41,27 +47,9 @@ def of_record(record: Record, *, name: str, title: str = "", sound_speed: float 
         )
     values, time_ns = record.values, record.time_ns
     start = int(time_ns[0])
-    count = values["acoustics.reception_count"].astype(np.int64)
-    instant, beacon = np.nonzero(np.diff(count, axis=0, prepend=0 * count[:1]) > 0)
     depth_epoch = values["target.depth_epoch"].astype(np.float64)
     fresh = np.diff(depth_epoch, prepend=start / 1e9) > 0
-
-    def of_packet(output: str) -> Floats:
-        found: Floats = values[output].astype(np.float64)[instant, beacon]
-        return found
-
-    posed, place, turn = _poses(values, of_packet, len(instant))
-    heard = Receptions(
-        arrival_ns=_arrivals(record, instant, beacon),
-        epoch_ns=epochs_ns(time_ns, of_packet("acoustics.range_epoch")),
-        beacon=beacon,
-        range=of_packet("acoustics.range"),
-        beacon_position=of_packet("acoustics.ping_beacon_position"),
-        has_pose=posed, platform_position=place, platform_attitude=turn,
-        packet=values[_ALL].astype(np.float64)[instant] if _ALL in values
-        else np.zeros((len(instant), count.shape[1], 3)),
-        line=np.zeros(len(instant), np.int64),
-    )
+    heard = _heard(record, KINDS.index(kind))
     known = None if origin is None else OriginTable(
         latitude_deg=origin.latitude_deg, longitude_deg=origin.longitude_deg,
         height_m=origin.height_m,
@@ -72,12 +60,38 @@ def of_record(record: Record, *, name: str, title: str = "", sound_speed: float 
     )
     own = truth.of_record(record)
     return Log(
-        name=name, meta=meta, beacons=tuple(str(i + 1) for i in range(count.shape[1])),
+        name=name, meta=meta, beacons=tuple(str(i + 1) for i in range(heard.packet.shape[1])),
         receptions=heard,
         depth_ns=epochs_ns(time_ns, depth_epoch[fresh]),
         depth=values["target.depth"].astype(np.float64)[fresh],
         truth=truth.Truth(time_ns=own.time_ns, position=own.position, velocity=own.velocity),
     )
+
+
+def _heard(record: Record, kind: int) -> Receptions:
+    """The packets of a run, in the order of their arrival."""
+    values, time_ns = record.values, record.time_ns
+    count = values["acoustics.reception_count"].astype(np.int64)
+    instant, beacon = np.nonzero(np.diff(count, axis=0, prepend=0 * count[:1]) > 0)
+
+    def of_packet(output: str) -> Floats:
+        found: Floats = values[output].astype(np.float64)[instant, beacon]
+        return found
+
+    posed, place, turn = _poses(values, of_packet, len(instant))
+    heard = Receptions(
+        arrival_ns=_arrivals(record, instant, beacon),
+        epoch_ns=epochs_ns(time_ns, of_packet("acoustics.range_epoch")),
+        beacon=beacon,
+        kind=np.full(len(instant), kind),
+        range=of_packet("acoustics.range"),
+        beacon_position=of_packet("acoustics.ping_beacon_position"),
+        has_pose=posed, platform_position=place, platform_attitude=turn,
+        packet=values[_ALL].astype(np.float64)[instant] if _ALL in values
+        else np.zeros((len(instant), count.shape[1], 3)),
+        line=np.zeros(len(instant), np.int64),
+    )
+    return heard.chosen(np.argsort(heard.arrival_ns, kind="stable"))
 
 
 def _arrivals(record: Record, instant: NDArray[np.intp], beacon: NDArray[np.intp]) -> Integers:

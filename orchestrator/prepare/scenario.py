@@ -50,7 +50,7 @@ def of_scenario(
     labels += [RAW] if RAW in choice.receivers else []
     own = [label for label in labels if label != RAW]
     told = starts.told(scenario, system.components, own)
-    remarks = [it for it in (scenario.about_track, starts.sentence(told, own)) if it]
+    remarks = [it for it in (*scenario.about_tracks, starts.sentence(told, own)) if it]
     description = RunDescription(
         scenario_name=scenario.name,
         scenario=applied(scenario, choice),

@@ -14,7 +14,8 @@ from ..data.estimates import Estimates, Flags, Floats, Integers
 from ..data.truth import Truth
 from ..judge.definitions import POSITION_STATES, nees, order_statistics
 from ..judge.without_truth import between, told
-from ..logs.log import Log
+from ..logs.columns import KINDS, SIGNED
+from ..logs.log import Log, Receptions
 from ..tracks.place import Origin
 from ..words.numbers import meters
 from .columns import RESIDUALS
@@ -149,7 +150,23 @@ def residuals_of(log: Log, estimates: Estimates) -> tuple[Flags, Floats]:
     heard = log.receptions
     which, at = between(estimates, heard.epoch_ns)
     distance = np.linalg.norm(at - heard.beacon_position[which], axis=1)
+    differ = heard.kind[which] == KINDS.index(SIGNED)
+    if differ.any():
+        from_middle = np.linalg.norm(at - _middles(heard)[which], axis=1)
+        distance = distance - np.where(differ, from_middle, 0.0)
     return which, heard.range[which] - distance
+
+
+def _middles(heard: Receptions) -> Floats:
+    """Middle of the beacons at each reception, as packets report it, NED [m]; (m, 3).
+
+    Packets without all beacons have the middle of those that heard the same ping.
+    """
+    _, ping = np.unique(heard.epoch_ns, return_inverse=True)
+    count = np.bincount(ping)[ping, None]
+    own = np.column_stack([np.bincount(ping, axis)[ping] for axis in heard.beacon_position.T])
+    whole = np.abs(heard.packet).max(axis=(1, 2), initial=0.0)[:, None] > 0
+    return np.where(whole, heard.packet.mean(axis=1), own / count)
 
 
 def misfit(log: Log, estimates: Estimates) -> list[str]:

@@ -12,10 +12,12 @@ from sblcosim.fmus.host.nanoseconds import SECOND, nanoseconds
 from sblcosim.models.declaration import number_of
 from sblcosim.models.ports import BEACONS
 from sblcosim.models.receiver.variables import INITIALISATION
+from sblcosim.models.settings.assumptions import has_clock
 
 from ..data.estimates import Floats
 from ..data.turns import turned
 from ..errors import ConfigurationError, shortened
+from ..logs.columns import SIGNED
 from ..logs.log import Log
 from ..logs.raw import Flaw
 from ..scenario.overrides import Changes
@@ -131,7 +133,7 @@ def settled(
     slots = int(min(max(len(log.beacons), BEACONS.least), BEACONS.most))
     own = scenario is None and log.scenario is not None
     simulated = own and log.meta.start_ns is not None
-    straight = None if simulated else _lines(log)
+    straight = None if simulated or SIGNED in log.kinds else _lines(log)
     alike = _alike(log, straight) if straight is not None and arrangement == "fixed" else 1.0
     if straight is not None and straight.early.any():
         log = _without_early(log, straight)
@@ -144,9 +146,11 @@ def settled(
             raise ConfigurationError(
                 f"{given.name}: must have as many beacons as the log, {slots}, got {given.beacons}"
             )
+        _check_differences(log, given)
         if simulated and interval_s is None:
             step_ns = nanoseconds(given.receiver.update_interval_s)
     else:
+        _check_differences(log, None)
         std = max(scatter, _LEAST_STD)
         offset = straight.offset if straight is not None else 0.0
         made = rough(log, arrangement, slots, std, step_ns, origin, _TIMES_OFFSET * offset)
@@ -163,6 +167,22 @@ def settled(
         _made_up(log, origin) if made_up else None,
         alike,
     )
+
+
+def _check_differences(log: Log, given: Scenario | None) -> None:
+    """Refuse differences of arrivals without a scenario that has them."""
+    if SIGNED not in log.kinds:
+        return
+    if given is None:
+        raise ConfigurationError(
+            f"{shortened(log.called)}: must come with a scenario, as its differences of arrivals "
+            "do not tell where receivers can start"
+        )
+    if has_clock(given.acoustics):
+        raise ConfigurationError(
+            f"{given.name}: must have acoustics.ranging = 'inverted' and common_clock = false, as "
+            f"{log.name} has differences of arrivals"
+        )
 
 
 def _check_ticks(log: Log, step_ns: int) -> None:
@@ -366,8 +386,10 @@ def rough(
 
 
 def _of_clock(log: Log) -> dict[str, Any]:
-    """The error that all ranges share: of the clock, or of the turn-around of two-way ranges."""
-    if log.two_way < 1:
+    """How ranges are measured, and the error that all share: of clock or turn-around."""
+    if log.kinds.get("inverted") == 1.0:
+        return {"ranging": "inverted", "clock_offset_std_s": ROUGH["clock_offset_std_s"]}
+    if log.kinds.get("two-way") != 1.0:
         return {"clock_offset_std_s": ROUGH["clock_offset_std_s"]}
     # Half of it is in a range, so this is as many metres.
     return {"ranging": "two_way", "turnaround_bias_std_s": 2 * ROUGH["clock_offset_std_s"]}

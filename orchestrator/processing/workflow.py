@@ -13,6 +13,7 @@ from sblcosim.fmus.stopping import interruptible
 from sblcosim.models import RECEIVERS
 
 from ..data.estimates import Estimates, Integers
+from ..logs.columns import SIGNED
 from ..logs.log import Log
 from ..logs.read import read_log
 from ..scenario.files import naming_files
@@ -163,7 +164,9 @@ def _that_know(
     to know less than the longest range says by itself, as after a restart with few ranges.
     """
     silences, limit_s = _silences(log)
-    longest, kept, remarks = float(log.receptions.range.max()), {}, []
+    whole = SIGNED not in log.kinds  # differences say nothing of the distance
+    longest = float(log.receptions.range.max()) if whole else np.inf
+    kept, remarks = {}, []
     for label, own in estimates.items():
         after = np.searchsorted(silences[:, 0], own.epoch_ns)
         until = np.append(-(2**63), silences[:, 1])[after]

@@ -304,8 +304,12 @@ def _worst(study: Study, table: pd.DataFrame, column: str, results: Path) -> lis
         f"{row['seed']} at point {row['point']}. This command repeats the run and writes "
         "replay.html, a page that plays it back:"
     )
-    command = shlex.join(["sblcosim", "replay", str(results), str(row[_RUN]), "--replay"])
-    return [Section("Look at the worst run", "worst", [Text(text), Code(command)], folded=True)]
+    run = str(row[_RUN])
+    again = shlex.join(["sblcosim", "replay", str(results), run, "--replay"])
+    play = shlex.join(["sblcosim", "explore", f"runs/{run}/scenario.toml"])
+    then = Text("Then play with its scenario in a browser:")
+    blocks: list[Block] = [Text(text), Code(again), then, Code(play)]
+    return [Section("Look at the worst run", "worst", blocks, folded=True)]
 
 
 def _same(one: Study, other: Study) -> bool:

@@ -143,7 +143,9 @@ def _again(answer: Requirement) -> Section:
              "workers. Any run can be done again with its full record: sblcosim replay "
              "FOLDER/runs RUN_ID. The question:"),
         Code(as_toml(artifacts.plain(answer.question.tables))),
-        Text("The scenario of the design that is named:"),
+        Text("The scenario of the design that is named, scenario.toml beside this page:"),
         Code(answer.scenario.dump_toml()),
+        Text("Play with it in a browser:"),
+        Code("sblcosim explore scenario.toml"),
     ]  # fmt: skip
     return Section("How to reproduce", "reproduce", blocks, folded=True)

@@ -402,6 +402,7 @@ class Result(Answer):
             Where the folder will be in the end.
         """
         # Few runs are wanted as a log.
+        from ..logs.columns import KINDS, OF_RANGING, SIGNED
         from ..logs.folder import write
         from ..logs.simulated import of_record
         from ..scenario.tracks import origin_of
@@ -411,15 +412,12 @@ class Result(Answer):
             raise ConfigurationError(
                 f"log: must be of a run of a scenario, got one of {self.scenario_name!r}"
             )
-        if not has_clock(scenario.acoustics):
-            raise ConfigurationError(
-                "log: must be of ranges, got differences of arrivals: "
-                f"{scenario.where('acoustics', 'common_clock')} is false"
-            )
+        ours, a = scenario.acoustics.fmu is None, scenario.acoustics
+        kind = (OF_RANGING[a.ranging] if has_clock(a) else SIGNED) if ours else KINDS[0]
         told = of_record(
             self.record, name=self.scenario_name, title=self.title,
             sound_speed=scenario.acoustics.assumed_sound_speed_m_s,
-            origin=origin_of(scenario.place),
+            origin=origin_of(scenario.place), kind=kind,
         )
         with artifacts.folder(folder, {"log": told.name, "scenario": self.manifest()}) as part:
             write(told, part)

@@ -10,6 +10,8 @@ from typing import Any
 
 from sblcosim.models.receiver.receiver import Beacons
 
+from .tracks import follows
+
 _FLAT = 0.05
 """Ratio of the smaller to the larger spread of the beacons below which they count as in line."""
 _SAME = 1e-6
@@ -107,7 +109,8 @@ def has_own_errors(platform: Any) -> bool:
         return False
     if not platform.gps_shared:
         return True
-    moves = platform.boat_speed_m_s > 0 or _any(platform, _MOTION[platform.motion])
+    way = follows("platform", platform) or platform.boat_speed_m_s > 0
+    moves = way or _any(platform, _MOTION[platform.motion])
     return bool(platform.mounting_std_m > 0) and not moves and not _any(platform, _SENSORS)
 
 

@@ -61,10 +61,9 @@ def _made(
     name: str, scenario: Scenario, where: str, fmi: int, assumptions: Mapping[str, Any]
 ) -> UnconnectedComponent:
     table = getattr(scenario, where)
-    without_track = name == "target" and table.trajectory != tracks.FILE
-    names, rows = described(
-        name, tuple(_constants(name, scenario).items()), tracks.PARAMETERS if without_track else ()
-    )
+    follower = tracks.FOLLOWERS.get(name)
+    without = () if follower is None or tracks.follows(name, table) else follower.parameters
+    names, rows = described(name, tuple(_constants(name, scenario).items()), without)
     (fmu,) = built(scenario, [(name, fmi)])
     content = _content(table, assumptions)
     # Points of a study differ from the first in only a few parameters.
@@ -83,10 +82,7 @@ def built(scenario: Scenario, ours: Sequence[tuple[str, int]]) -> list[Path]:
 
 def _constants(name: str, scenario: Scenario) -> dict[str, int]:
     """The constants of the build of one of our components."""
-    constants = {"beacons": scenario.beacons}
-    if name == "target":
-        constants |= tracks.capacity(scenario.target)
-    return constants
+    return {"beacons": scenario.beacons, **tracks.capacity(name, getattr(scenario, name, None))}
 
 
 class _First:

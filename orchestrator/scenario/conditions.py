@@ -18,6 +18,7 @@ from sblcosim.models.settings.presets import preset
 from ..words.lists import listed
 from ..words.numbers import figure
 from ..words.shares import rough_percent
+from . import tracks
 from .arrangement import errors_of
 from .scenario import Scenario
 
@@ -76,7 +77,9 @@ def sea(platform: Any) -> Iterator[str]:
     else:
         moving = [*_waves(platform, known), *_amplitudes(platform, ("yaw",), "deg", "°", known)]
     yield from moving
-    if platform.boat_speed_m_s:
+    if tracks.follows("platform", platform):
+        yield "boat on a recorded track"
+    elif platform.boat_speed_m_s:
         yield f"boat under way at {figure(platform.boat_speed_m_s)} m/s"
     elif not moving and not known:
         rests = "platform" if errors_of(platform) in (None, "platform") else "beacons"

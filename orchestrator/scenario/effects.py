@@ -105,7 +105,7 @@ def _why(scenario: _Tables, ours: Mapping[str, tuple[str, ...]], key: Key) -> st
     if key == _DEPTH and _sets_slot(scenario):
         return None
     if name in FILE_KEYS:
-        if table.trajectory != FILE and ours[key[0]]:
+        if key[0] == "target" and table.trajectory != FILE and ours[key[0]]:
             return f"trajectory is {toml(table.trajectory)}"
         return "there is no track_file" if table.track_file is None else None
     reasons = []

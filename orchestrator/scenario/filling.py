@@ -12,9 +12,9 @@ from typing import Any
 
 from sblcosim.models import RECEIVERS
 from sblcosim.models.settings.beacons import arranged
+from sblcosim.models.settings.boat import heading
 from sblcosim.models.settings.keys import starts
-from sblcosim.models.settings.motion import heading
-from sblcosim.models.settings.paths import counts
+from sblcosim.models.settings.paths import counts, points
 from sblcosim.models.settings.presets import PRESET_TABLES, preset
 
 from ..simulation.plans.alike import alike
@@ -50,9 +50,8 @@ def component(name: str, table: Any, beacons: int, common: Mapping[str, Any]) ->
         if name == "target":
             values |= counts(table)
         elif name == "platform":
-            values |= arranged(table.beacon_m)
-            if table.boat_speed_m_s and table.boat_course_deg:
-                values["mean_heading_deg"] = heading(table)
+            values |= {**arranged(table.beacon_m), **points(table)}
+            values["mean_heading_deg"] = heading(filled(table, values))
         else:
             values |= packets.resolutions(table, beacons)
             values |= water.derived(table)

@@ -167,8 +167,9 @@ class Scenario(Table):
             given = "waypoint_count" in target.model_fields_set
             as_many = f", and as many as waypoint_count ({target.waypoint_count})" if given else ""
             yield f"[target] waypoint_m: must have at least 2 rows{as_many}, got {count}"
-        if wrong := tracks.problem(target):
-            yield wrong
+        for name in tracks.FOLLOWERS:
+            if wrong := tracks.problem(name, getattr(self, name)):
+                yield wrong
         if (self.place.latitude_deg is None) != (self.place.longitude_deg is None):
             key = "latitude_deg" if self.place.latitude_deg is None else "longitude_deg"
             yield f"[place] {key}: must be given with the other of the two, got none"
@@ -271,16 +272,18 @@ class Scenario(Table):
         return int(self.platform.beacons)
 
     @property
-    def about_track(self) -> str:
-        """What was kept of a recorded track, in a sentence; empty without one."""
-        follows = self.target.trajectory == tracks.FILE
-        return str(self.__dict__.get("_track", "")) if follows else ""
+    def about_tracks(self) -> tuple[str, ...]:
+        """What was kept of recorded tracks, a sentence for each."""
+        return tuple(about for about, _ in self._followed().values())
 
     @property
-    def recorded(self) -> Mapping[str, Any]:
-        """Keys of ``[target]`` for the file whose points the diver follows; empty without one."""
-        own: Mapping[str, Any] = self.__dict__.get("_recorded", {})
-        return own if self.target.trajectory == tracks.FILE else {}
+    def recorded(self) -> Mapping[str, Mapping[str, Any]]:
+        """Keys for the files of recorded tracks whose points are followed, by table."""
+        return {name: keys for name, (_, keys) in self._followed().items()}
+
+    def _followed(self) -> Mapping[str, tuple[str, Mapping[str, Any]]]:
+        known: Mapping[str, Any] = self.__dict__.get("_tracks", {})
+        return {n: it for n, it in known.items() if tracks.follows(n, getattr(self, n))}
 
     @property
     def true_prior(self) -> bool:
@@ -322,23 +325,26 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Changes =
     """
     where, raw, file = _read(source)
     changed = override(raw, overrides)
-    kept = ("target", "track_m") not in changed
     before: Mapping[str, Any] = source.__dict__ if isinstance(source, Scenario) else {}
+    own = {name for name in tracks.FOLLOWERS if (name, "track_m") in changed}
     changed |= before.get("_changed", frozenset())
     if isinstance(source, str | Path):
         raw.setdefault("name", Path(source).stem)
     scenario = _validated(raw, where, changed)
-    try:
-        found = tracks.followed(scenario.target, scenario.place)
-    except TooFewError as error:
-        raise ConfigurationError(cross_check(str(error), where, changed)) from None
-    about, recorded = (before.get("_track", ""), before.get("_recorded", {})) if kept else ("", {})
-    if found is not None:
-        own = given_of(scenario.target)
-        recorded = {key: own[key] for key in tracks.FILE_KEYS if key in own}
+    known = {name: it for name, it in before.get("_tracks", {}).items() if name not in own}
+    for name in tracks.FOLLOWERS:
+        table = getattr(scenario, name)
+        try:
+            found = tracks.followed(name, table, scenario.place)
+        except TooFewError as error:
+            raise ConfigurationError(cross_check(str(error), where, changed)) from None
+        if found is None:
+            continue
+        given = given_of(table)
         tables, about = found
+        known[name] = about, {key: given[key] for key in tracks.FILE_KEYS if key in given}
         scenario = _validated({**scenario.__dict__["_given"], **tables}, where, changed)
-    scenario.__dict__["_track"], scenario.__dict__["_recorded"] = about, recorded
+    scenario.__dict__["_tracks"] = known
     if file:
         files.note(scenario.name, file)
     scenario.__dict__["_file"] = file

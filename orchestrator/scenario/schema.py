@@ -243,6 +243,24 @@ COMMON: Mapping[str, Any] = {
 }
 
 
+def _track(use: str) -> dict[str, Any]:
+    """The keys of a table from which the points of a recorded track follow."""
+    return {
+        "track_file": (
+            str | None,
+            Field(
+                None,
+                description=f"File of a recorded track, .csv or .gpx, {use}; relative to the "
+                "scenario's file",
+            ),
+        ),
+        "track_tolerance_m": (
+            Annotated[float, Field(gt=0.0, le=1e5, allow_inf_nan=False)] | None,
+            Field(None, description="Largest allowed distance from the recorded track"),
+        ),
+    }
+
+
 def _number(low: float, high: float, description: str) -> tuple[Any, Any]:
     """A key that holds a number within bounds."""
     bounds = Field(ge=low, le=high, allow_inf_nan=False)
@@ -299,18 +317,7 @@ else:
         {
             **COMMON,
             **_presets("target"),
-            "track_file": (
-                str | None,
-                Field(
-                    None,
-                    description="File of a recorded track, .csv or .gpx, for trajectory 'file'; "
-                    "relative to the scenario's file",
-                ),
-            ),
-            "track_tolerance_m": (
-                Annotated[float, Field(gt=0.0, le=1e5, allow_inf_nan=False)] | None,
-                Field(None, description="Largest allowed distance from the recorded track"),
-            ),
+            **_track("for trajectory 'file'"),
         },
     )
     Platform = table_class(
@@ -319,6 +326,7 @@ else:
         {
             **COMMON,
             **_presets("platform"),
+            **_track("which the boat follows"),
             "beacons": (
                 Annotated[int, Field(ge=BEACONS.least, le=BEACONS.most)] | None,
                 Field(None, description="Number of beacons; that of beacon_m if given"),
@@ -380,7 +388,7 @@ class Time(Table):
     """Table ``[time]``."""
 
     sampling_time_s: Annotated[
-        float, Field(ge=_TICK.min, le=_TICK.max), AfterValidator(settled)
+        float, Field(ge=_TICK.min, le=_TICK.max, allow_inf_nan=False), AfterValidator(settled)
     ] = Field(
         default=float(_TICK.starts[0]),
         description="The paper's T: time between samples of all sensors and between pings (one "
@@ -409,13 +417,13 @@ class Time(Table):
 class Place(Table):
     """Table ``[place]``."""
 
-    latitude_deg: Annotated[float, Field(ge=-90.0, le=90.0)] | None = Field(
+    latitude_deg: Annotated[float, Field(ge=-90.0, le=90.0, allow_inf_nan=False)] | None = Field(
         default=None, description="Latitude of the origin of north, east and down, on WGS 84"
     )
-    longitude_deg: Annotated[float, Field(ge=-180.0, le=180.0)] | None = Field(
+    longitude_deg: Annotated[float, Field(ge=-180.0, le=180.0, allow_inf_nan=False)] | None = Field(
         default=None, description="Longitude of the origin"
     )
-    height_m: Annotated[float, Field(ge=-1e4, le=1e4)] = Field(
+    height_m: Annotated[float, Field(ge=-1e4, le=1e4, allow_inf_nan=False)] = Field(
         default=0.0, description="Height of the water surface above the ellipsoid"
     )
 

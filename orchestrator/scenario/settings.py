@@ -17,7 +17,7 @@ from sblcosim.fmus.build.compiler import Compiler
 from sblcosim.models import COMPONENTS
 from sblcosim.models.declaration import Variable
 from sblcosim.models.settings.expression import Expression, called, statements
-from sblcosim.models.settings.keys import OF_RECEIVERS
+from sblcosim.models.settings.keys import OF_RECEIVERS, in_file_units
 from sblcosim.models.settings.names import names_of
 from sblcosim.models.settings.start_values import TABLES, StartValues, start_values
 
@@ -26,13 +26,18 @@ _FILES = (f"{NAME}.c", "real.h", "freestanding.h")
 _OF_TABLES = {name: {v.key: v for v in COMPONENTS[name].of("parameter")} for name in TABLES}
 
 
-def library(beacons: int, compiler: Compiler | None = None) -> Path:
+def library(
+    beacons: int, compiler: Compiler | None = None, platform: str | None = None
+) -> Path:
     """The settings module for a number of beacons, built if it is not in the cache.
 
     Parameters
     ----------
     compiler
-        By default one for this process; ``compiler.for_platform(WASM)`` makes WebAssembly.
+        By default one for the platform, unless the package includes the module.
+    platform
+        By default that of the compiler, or of this process; `sblcosim.fmus.platforms.WASM` makes
+        WebAssembly.
 
     Returns
     -------
@@ -44,7 +49,12 @@ def library(beacons: int, compiler: Compiler | None = None) -> Path:
     BuildError
         There is no compiler, or it fails.
     """
-    return factory.library(NAME, sources(beacons), compiler=compiler)
+    return factory.library(NAME, sources(beacons), compiler=compiler, platform=platform)
+
+
+def key(beacons: int, platform: str) -> str:
+    """Cache key of the module for a platform."""
+    return factory.library_key(NAME, sources(beacons), False, platform)
 
 
 def sources(beacons: int) -> dict[str, bytes]:
@@ -108,9 +118,11 @@ def _element(
         return nan
     value = getattr(table, key)
     if bracket:
-        shape = _variable(name, key).shape
+        variable = _variable(name, key)
         row, *column = (int(place) - 1 for place in rest.rstrip("]").split(","))
-        value = value[row * shape[-1] + column[0] if column else row]
+        at = row * variable.shape[-1] + column[0] if column else row
+        # A list may have fewer rows than there is room for.
+        value = value[at] if at < len(value) else in_file_units(variable, variable.starts[at])
     if not isinstance(value, str):
         return float(value)
     variable = _variable(name, key)

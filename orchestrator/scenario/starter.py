@@ -22,7 +22,7 @@ from .overrides import Changes
 from .reading import relative
 from .scenario import Scenario, load
 from .schema import COMMON, FILES, TRUE, Table, rows, toml
-from .tracks import POINT_KEYS, TOLERANCE
+from .tracks import FOLLOWERS, TOLERANCE
 
 _EXAMPLES: Mapping[str, Any] = {
     "fmu": "other.fmu",
@@ -44,6 +44,7 @@ _EXAMPLES: Mapping[str, Any] = {
     "track_tolerance_m": TOLERANCE,
     "track_time_s": (0.0, 60.0),
     "track_m": ((0.0, 10.0, 5.0), (10.0, 10.0, 5.0)),
+    "track_heading_deg": (0.0, 90.0),
     "latitude_deg": 42.5,
     "longitude_deg": 14.2,
 }
@@ -127,9 +128,12 @@ def _in_use(scenario: Scenario, asked: Collection[str]) -> Tables:
     for table, key in (it.split(".") for it in asked):
         tables[table].setdefault(key, getattr(getattr(scenario, table), key))
     if scenario.recorded:
-        target = {k: v for k, v in tables["target"].items() if k not in POINT_KEYS}
+        files = {
+            name: {k: v for k, v in tables[name].items() if k not in FOLLOWERS[name].point_keys}
+            | {**keys} for name, keys in scenario.recorded.items()
+        }
         for place in ({}, tables["place"]):
-            as_file = {**tables, "target": {**target, **scenario.recorded}, "place": place}
+            as_file = {**tables, **files, "place": place}
             if _is(scenario, as_file):
                 return as_file
     return tables
@@ -211,8 +215,9 @@ def _governed(table: Table, key: str, given: Collection[str]) -> str:
 def _example(key: str, annotation: Any, variable: Variable | None) -> Any:
     if key in _EXAMPLES:
         value = _EXAMPLES[key]
-        nested = variable is not None and len(variable.shape) == 2
-        return tuple(x for row in value for x in row) if nested else value
+        if variable is None or len(variable.shape) != 2:
+            return value
+        return tuple(x for row in value for x in row[: variable.shape[1]])
     if variable is not None:
         component = next(c for c in COMPONENTS.values() if variable in c.variables)
         return default(component, variable)

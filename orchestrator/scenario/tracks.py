@@ -1,48 +1,95 @@
-"""The recorded track of a scenario: from its file to the points that the Target follows."""
+"""Recorded tracks of a scenario: from their files to the points that diver and boat follow."""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from sblcosim.models import COMPONENTS
+from sblcosim.models.declaration import Dimension
+from sblcosim.models.platform.variables import BOAT_POINTS
 from sblcosim.models.target.variables import TRACK_POINTS
 
 from ..errors import ConfigurationError, ConfigurationWarning, shortened
 from ..simulation.plans.alike import alike
 from ..tracks.place import Floats, Origin
+from ..tracks.resample import KeptPoints, fitted
 from .schema import given_of, valid
 
 if TYPE_CHECKING:
-    from ..tracks.resample import KeptPoints
     from ..tracks.track import Recorded
 
 FILE = "file"
-"""The trajectory for a recorded track."""
+"""The diver's trajectory for a recorded track."""
 FILE_KEYS = ("track_file", "track_tolerance_m")
-"""Keys of ``[target]`` that define where the points come from."""
+"""Keys that define where the points come from."""
 POINT_KEYS = ("track_time_s", "track_m", "track_count")
-"""Keys of ``[target]`` for the points themselves."""
-PARAMETERS = ("track_count", "track_time", "track")
-"""Parameters of the Target that only a track needs."""
+"""Keys for the points themselves."""
 TOLERANCE = 0.1
 """Default of ``track_tolerance_m``."""
 ABOVE = 2.0
 """Height above water due to waves and instruments [m]; anything above causes a warning."""
 LONG = 86_400.0
 """Duration [s] above which a warning is given: times may not be in seconds."""
-CAPACITIES = (TRACK_POINTS, 256, TRACK_POINTS.most)
-"""Numbers of points for which Targets are built."""
 
 
-def capacity(target: Any) -> dict[str, int]:
-    """The constant of the build of the Target for a scenario's track."""
-    count = len(target.track_time_s or ()) if target.trajectory == FILE else 0
-    return {TRACK_POINTS.name: next(c for c in CAPACITIES if c >= count)}
+@dataclass(frozen=True)
+class Follower:
+    """A component that can follow a recorded track.
+
+    Attributes
+    ----------
+    who
+        The one who follows it, in words.
+    capacities
+        Numbers of points for which the component is built.
+    constant
+        Constant of the build for the number of points.
+    point_keys
+        Keys for the points.
+    parameters
+        Parameters that only a track needs.
+    """
+
+    who: str
+    constant: Dimension
+    capacities: tuple[int, ...]
+    point_keys: tuple[str, ...]
+    parameters: tuple[str, ...]
+
+
+FOLLOWERS: Mapping[str, Follower] = {
+    "target": Follower(
+        "diver", TRACK_POINTS, (TRACK_POINTS, 256, TRACK_POINTS.most), POINT_KEYS,
+        ("track_count", "track_time", "track"),
+    ),
+    "platform": Follower(
+        "boat", BOAT_POINTS, (BOAT_POINTS, 256, BOAT_POINTS.most),
+        (*POINT_KEYS, "track_heading_deg"),
+        ("track_count", "track_time", "track", "track_heading", "departure_time"),
+    ),
+}
+"""Components that can follow a track, by their tables, in the order in which tracks are read."""
+
+
+def follows(name: str, table: Any) -> bool:
+    """Whether a component follows a track: its points, or the file of one."""
+    if name == "target":
+        return bool(table.trajectory == FILE)
+    return bool(table.track_count or table.track_time_s or table.track_file is not None)
+
+
+def capacity(name: str, table: Any) -> dict[str, int]:
+    """The constant of the build of a component for the track of a scenario; empty: it has none."""
+    it = FOLLOWERS.get(name)
+    if it is None:
+        return {}
+    count = len(table.track_time_s or ()) if follows(name, table) else 0
+    return {it.constant.name: next(c for c in it.capacities if c >= count)}
 
 
 def origin_of(place: Any) -> Origin | None:
@@ -72,14 +119,16 @@ class _Placed:
     doubts: tuple[str, ...]
 
 
-def followed(target: Any, place: Any) -> tuple[Mapping[str, Any], str] | None:
-    """Tables with the points of the track instead of its file, and what was left out.
+def followed(name: str, table: Any, place: Any) -> tuple[Mapping[str, Any], str] | None:
+    """Tables with the points of a track instead of its file, and what was left out.
 
     Nothing made from the scenario then needs the file. None: there is no file to read.
 
     Parameters
     ----------
-    target, place
+    name
+        A key of `FOLLOWERS`.
+    table, place
         Tables of the scenario, complete.
 
     Raises
@@ -89,20 +138,21 @@ def followed(target: Any, place: Any) -> tuple[Mapping[str, Any], str] | None:
     TooFewError
         Its track does not fit.
     """
-    if target.track_file is None or target.trajectory != FILE:
+    if table.track_file is None or not follows(name, table):
         return None
-    of = id(target), id(place)
-    placed = alike("recorded", of, lambda: _placed(target, place), target, place)
+    of = id(table), id(place)
+    placed = alike("recorded", of, lambda: _placed(name, table, place), table, place)
     for line in placed.doubts:
         warnings.warn(line, ConfigurationWarning, stacklevel=2)
-    return alike("followed", of, lambda: _fitted(target, place, placed), target, place)
+    return alike("followed", of, lambda: _fitted(name, table, place, placed), table, place)
 
 
-def _placed(target: Any, place: Any) -> _Placed:
+def _placed(name: str, table: Any, place: Any) -> _Placed:
     from ..tracks.read import read
     from ..tracks.track import FARTHEST
 
-    recorded = read(Path(target.track_file))
+    afloat = name == "platform"
+    recorded = read(Path(table.track_file), depths=not afloat)
     origin = origin_of(place) or recorded.origin()
     points, at = recorded.points, None
     if recorded.geographic:
@@ -118,25 +168,51 @@ def _placed(target: Any, place: Any) -> _Placed:
                 f"{recorded.where(i, 1)}: must be within {FARTHEST / 1e3:g} km of the origin "
                 f"([place]), got {far / 1e3:,.0f} km"
             )
-    return _Placed(recorded, points, at, tuple(_doubts(recorded, points)))
+    return _Placed(recorded, points, at, tuple(_doubts(recorded, points, name)))
 
 
-def _fitted(target: Any, place: Any, placed: _Placed) -> tuple[Mapping[str, Any], str]:
-    from ..tracks.resample import fitted
-
+def _fitted(
+    name: str, table: Any, place: Any, placed: _Placed
+) -> tuple[Mapping[str, Any], str]:
     recorded = placed.recorded
-    tolerance = TOLERANCE if target.track_tolerance_m is None else target.track_tolerance_m
-    kept = fitted(recorded.times, placed.points, tolerance)
-    own = {key: value for key, value in given_of(target).items() if key not in FILE_KEYS}
+    tolerance = TOLERANCE if table.track_tolerance_m is None else table.track_tolerance_m
+    own = {key: value for key, value in given_of(table).items() if key not in FILE_KEYS}
+    if name == "platform":
+        turns = "mean_heading_deg" not in own
+        kept, headings = _afloat(recorded.times, placed.points[:, :2], tolerance, turns)
+        if turns:
+            own["track_heading_deg"] = headings.tolist()
+    else:
+        kept = fitted(recorded.times, placed.points, tolerance)
     own["track_time_s"] = kept.times.tolist()
     own["track_m"] = kept.points.tolist()
-    tables = {"target": valid(type(target), own)}
+    tables = {name: valid(type(table), own)}
     if placed.place is not None:
         tables["place"] = valid(type(place), placed.place)
-    return tables, _about(shortened(Path(target.track_file).name, 80), recorded, kept)
+    about = _about(FOLLOWERS[name].who, shortened(Path(table.track_file).name, 80), recorded, kept)
+    return tables, about
 
 
-def _about(name: str, recorded: Recorded, kept: KeptPoints) -> str:
+def _afloat(
+    times: Floats, points: Floats, tolerance: float, turns: bool
+) -> tuple[KeptPoints, Floats]:
+    """The points that are kept of a boat's track, and its headings there [deg]."""
+    from ..tracks.course import WITHIN, headed
+
+    if not turns:
+        kept = fitted(times, points, tolerance, "platform")
+        return kept, np.zeros(len(kept.times))
+    # The heading counts as a third coordinate, on an arm that gives it a tolerance of its own.
+    at, heading = headed(times, points, tolerance)
+    place = [np.interp(at, times, points[:, axis]) for axis in (0, 1)]
+    arm = tolerance / WITHIN
+    found = fitted(at, np.stack([*place, arm * heading], axis=1), tolerance, "platform")
+    added = int((~np.isin(found.times, times)).sum())
+    kept = replace(found, points=found.points[:, :2], recorded=len(times), added=added)
+    return kept, np.degrees(found.points[:, 2] / arm)
+
+
+def _about(who: str, name: str, recorded: Recorded, kept: KeptPoints) -> str:
     """What was left out, in a sentence."""
     added = f" and {kept.added:,} on the straight lines between them" if kept.added else ""
     others = ""
@@ -145,21 +221,21 @@ def _about(name: str, recorded: Recorded, kept: KeptPoints) -> str:
         begins = "it begins" if len(recorded.left_out) == 1 else "they begin"
         others = f"; left out: {which}, as {begins} before the previous track has ended"
     return (
-        f"{name}: the diver follows {len(kept.times) - kept.added:,} of {kept.recorded:,} points"
+        f"{name}: the {who} follows {len(kept.times) - kept.added:,} of {kept.recorded:,} points"
         f"{added}, never farther than {kept.deviation:.2g} m from the recorded track{others}"
     )
 
 
-def _doubts(recorded: Recorded, points: Floats) -> Iterator[str]:
+def _doubts(recorded: Recorded, points: Floats, name: str) -> Iterator[str]:
     """Possible mistakes in a track with points north, east, down [m]."""
     dry = [i for i, depth in enumerate(points[:, 2].tolist()) if depth < -ABOVE]
-    if dry:
+    if dry and name == "target":
         yield (
             f"{recorded.where(dry[0], 3)}: should be under water (a depth, or an elevation below "
             f"0), got up to {-points[:, 2].min():,.4g} m above it at {len(dry):,} of "
             f"{len(points):,} points"
         )
-    most = COMPONENTS["target"]["speed"].max
+    most = COMPONENTS["target"]["speed"].max  # of a boat, too
     speeds = np.linalg.norm(np.diff(points, axis=0), axis=1) / np.diff(recorded.times)
     fast = np.flatnonzero(speeds > most)
     if len(fast):
@@ -176,31 +252,41 @@ def _doubts(recorded: Recorded, points: Floats) -> Iterator[str]:
         )
 
 
-def problem(target: Any) -> str | None:
+def problem(name: str, table: Any) -> str | None:
     """The problem with the points of a track; None: none."""
-    if target.track_file is not None and target.trajectory == FILE:
-        for key in POINT_KEYS:
-            if key in target.model_fields_set:
-                return f"[target] {key}: must be left out when there is a track_file"
-        if target.fmu is not None:
-            return "[target] track_file: must be left out with another FMU, fmu"
+    followed, foreign = follows(name, table), table.fmu is not None
+    if table.track_file is not None and followed:
+        for key in FOLLOWERS[name].point_keys:
+            if key in table.model_fields_set:
+                return f"[{name}] {key}: must be left out when there is a track_file"
+        if foreign:
+            return f"[{name}] track_file: must be left out with another FMU, fmu"
         return None
-    if target.trajectory != FILE or target.fmu is not None:
-        return None
-    times, count = target.track_time_s, len(target.track_m) // 3
+    return None if foreign or not followed else _problem_of_points(name, table)
+
+
+def _problem_of_points(name: str, table: Any) -> str | None:
+    times, width = table.track_time_s, 3 if name == "target" else 2
+    count = len(table.track_m) // width
     if len(times) < 2:
+        when = "trajectory is 'file'" if name == "target" else "there is a track"
         return (
-            "[target] track_file: must be the file of a track (or track_time_s and track_m its "
-            "points) when trajectory is 'file', got none"
+            f"[{name}] track_file: must be the file of a track (or track_time_s and track_m its "
+            f"points) when {when}, got {'one point' if len(times) else 'none'}"
         )
     if count != len(times):
-        return f"[target] track_m: must have a row for each of {len(times)} times, got {count}"
-    if not 2 <= target.track_count <= count:
-        return f"[target] track_count: must be from 2 to {count}, got {target.track_count}"
+        return f"[{name}] track_m: must have a row for each of {len(times)} times, got {count}"
+    headings = len(getattr(table, "track_heading_deg", None) or ())
+    if headings not in (0, count):
+        return (
+            f"[{name}] track_heading_deg: must have one for each of {count} times, got {headings}"
+        )
+    if not 2 <= table.track_count <= count:
+        return f"[{name}] track_count: must be from 2 to {count}, got {table.track_count}"
     for i in range(1, len(times)):
         if not times[i] > times[i - 1]:
             return (
-                f"[target] track_time_s[{i + 1}]: must be later than the previous point "
+                f"[{name}] track_time_s[{i + 1}]: must be later than the previous point "
                 f"({times[i - 1]!r}), got {times[i]!r}"
             )
     return None

@@ -353,10 +353,11 @@ def _connections(parts: tuple[tuple[str, frozenset[str]], ...]) -> tuple[Connect
     parts
         Labels and names of variables.
     """
-    return tuple(_connected(dict(parts)))
+    return tuple(standard_connections(dict(parts)))
 
 
-def _connected(names: Mapping[str, frozenset[str]]) -> Iterator[Connection]:
+def standard_connections(names: Mapping[str, frozenset[str]]) -> Iterator[Connection]:
+    """The standard connections of components, from the names of their variables."""
     for variable in MOTION:
         yield Connection(f"target.{variable.name}", f"acoustics.target_{variable.name}")
     for variable in BEACON_POSITIONS:

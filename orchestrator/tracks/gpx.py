@@ -22,11 +22,16 @@ _ENCODING = re.compile(r"\A(\s*<\?xml[^>]*?)(\sencoding\s*=\s*(?:\"[^\"]*\"|'[^'
 _ATTRIBUTES = (_TIME, _LATITUDE, _LONGITUDE, _ELEVATION)
 
 
-def read(name: str, text: str) -> Recorded:
+def read(name: str, text: str, *, depths: bool = True) -> Recorded:
     """Read a track from GPX.
 
     Tracks that begin before the previous one has ended are left out (`Recorded.left_out`), such as
     the estimates in the ``path.gpx`` of a run.
+
+    Parameters
+    ----------
+    depths
+        Whether points must have an elevation; if not, they are at the surface whatever it is.
 
     Raises
     ------
@@ -57,13 +62,14 @@ def read(name: str, text: str) -> Recorded:
         for j, value, what in (
             (0, point.time, "a time"), (3, point.elevation, "an elevation, minus the depth [m]")
         ):
-            if value is None:
+            if value is None and (depths or not j):
                 raise ConfigurationError(
                     f"{where(i, j)}: must have {what} (<{_ATTRIBUTES[j]}>), got none that can be "
                     "read"
                 )
         times[i] = _since(points, i, where)
-        rows[i] = point.latitude, point.longitude, -(point.elevation or 0.0)
+        depth = -(point.elevation or 0.0) if depths else 0.0
+        rows[i] = point.latitude, point.longitude, depth
         for j, most in ((1, 90.0), (2, 180.0), (3, FARTHEST)):
             if not -most <= rows[i, j - 1] <= most:
                 value = rows[i, j - 1] * (-1 if j == 3 else 1)

@@ -17,8 +17,13 @@ LARGEST = 64 << 20
 KINDS = (".csv", ".gpx", ".txt", ".tsv")
 
 
-def read(path: Path) -> Recorded:
+def read(path: Path, *, depths: bool = True) -> Recorded:
     """The track in a file.
+
+    Parameters
+    ----------
+    depths
+        Whether points must have a depth; if not, those without one are at the surface.
 
     Raises
     ------
@@ -31,7 +36,7 @@ def read(path: Path) -> Recorded:
             f"{name}: must be a .csv or .gpx file, got {quoted(path.suffix or path.name)}"
         )
     text = _text(path, name)
-    track = _track(path, name, text)
+    track = _track(path, name, text, depths)
     if len(track.times) > MOST_POINTS:
         raise ConfigurationError(
             f"{track.where(MOST_POINTS, 0)}: must be one of at most {MOST_POINTS:,} points, got "
@@ -45,15 +50,15 @@ def read(path: Path) -> Recorded:
     return track
 
 
-def _track(path: Path, name: str, text: str) -> Recorded:
+def _track(path: Path, name: str, text: str, depths: bool) -> Recorded:
     # Only a scenario with a track waits for the import of its reader.
     if path.suffix.lower() == ".gpx":
         from . import gpx
 
-        return gpx.read(name, text)
+        return gpx.read(name, text, depths=depths)
     from . import table
 
-    return table.read(name, text)
+    return table.read(name, text, depths=depths)
 
 
 def _text(path: Path, name: str) -> str:

@@ -1,4 +1,4 @@
-"""Reduce a recorded track to as few points as a tolerance allows, for the Target's motion."""
+"""Reduce a recorded track to as few points as a tolerance allows, for the motion through them."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from sblcosim.models.target import track as formulas
+from sblcosim.models import track as formulas
 from sblcosim.models.target.variables import TRACK_POINTS
 
 from .place import Floats
 
 MOST = TRACK_POINTS.most
-"""Largest number of points of a Target."""
+"""Largest number of points of a component."""
 _PARTS = 4  # per piece of the recorded track, to bound the distance between its points
 _STEEPEST = 0.2
 """A cubic with limited velocities strays from its chord by less than this times the chord."""
@@ -32,7 +32,7 @@ class KeptPoints:
     Attributes
     ----------
     times, points
-        Times and positions of the points [s, m]; north, east, down.
+        Times and positions of the points [s, m].
     recorded, added
         Number of the track's points, and number of kept points that are not its own but on the
         straight lines between them.
@@ -47,7 +47,9 @@ class KeptPoints:
     deviation: float
 
 
-def fitted(times: Floats, points: Floats, tolerance: float, most: int = MOST) -> KeptPoints:
+def fitted(
+    times: Floats, points: Floats, tolerance: float, table: str = "target", most: int = MOST
+) -> KeptPoints:
     """Choose points of a track, so that the motion through them stays within a tolerance.
 
     At all times the motion is compared with the recorded track: straight lines between its points,
@@ -57,9 +59,11 @@ def fitted(times: Floats, points: Floats, tolerance: float, most: int = MOST) ->
     Parameters
     ----------
     times, points
-        Ascending times [s]; rows of north, east, down [m].
+        Ascending times [s]; rows of coordinates [m].
     tolerance
         Largest distance in space [m].
+    table
+        Table of the track, for messages.
     most
         Largest number of points.
 
@@ -85,7 +89,7 @@ def fitted(times: Floats, points: Floats, tolerance: float, most: int = MOST) ->
     while _choose(times, points, enough, most) is None:
         enough = float(f"{_SHARE * enough:.3g}")
     raise TooFewError(
-        f"[target] track_tolerance_m: must be at least {enough:g}, as {most:,} points are to do "
+        f"[{table}] track_tolerance_m: must be at least {enough:g}, as {most:,} points are to do "
         f"for the {len(times):,} of the track, got {tolerance:g}"
     )
 
@@ -113,7 +117,7 @@ def _grown(
     chosen = chosen.copy()
     chosen[[0, -1]] = True
     own = np.flatnonzero(chosen)  # indices of recorded points
-    extra_times, extra_points = np.empty(0), np.empty((0, 3))
+    extra_times, extra_points = np.empty(0), np.empty((0, points.shape[1]))
     while len(own) + len(extra_times) <= _ROOM * most:
         knots = np.concatenate([times[own], extra_times])
         order = np.argsort(knots)
@@ -175,11 +179,11 @@ def _corner(knots: Floats, places: Floats, worst: float, tolerance: float) -> fl
 
 def _on_lines(times: Floats, points: Floats, at: Floats) -> Floats:
     """Positions on the recorded track at some times, with straight lines between its points."""
-    return np.stack([np.interp(at, times, points[:, axis]) for axis in range(3)], axis=1)
+    return np.stack([np.interp(at, times, of) for of in points.T], axis=1)
 
 
 def motion(knots: Floats, places: Floats, at: Floats) -> tuple[Floats, Floats]:
-    """Position [m] and velocity [m/s] of the Target at some times, for its points."""
+    """Position [m] and velocity [m/s] at some times of the motion through points."""
     duration, step = np.diff(knots), np.diff(places, axis=0)
     velocities = np.zeros_like(places)
     if len(knots) > 2:

@@ -38,13 +38,15 @@ _Row = tuple[int, list[str]]
 """Number of a line, and its cells."""
 
 
-def read(name: str, text: str) -> Recorded:
+def read(name: str, text: str, *, depths: bool = True) -> Recorded:
     """Read a track from a table.
 
     Parameters
     ----------
     name
         Name of the file, for messages.
+    depths
+        Whether there must be a column of depths; without one, the points are at the surface.
 
     Raises
     ------
@@ -58,7 +60,7 @@ def read(name: str, text: str) -> Recorded:
             f"{name}, line 1, column 1: must be the names of the columns ({SECONDS}, "
             f"{', '.join(LOCAL)}), got nothing"
         )
-    columns = _columns(name, *header)
+    columns = _columns(name, *header, depths)
     known = [(line, [cells[column] for column in columns.values()])
              for line, cells in _full(name, lines, header[1])]
     places = [(line, list(columns.values())) for line, _ in known]
@@ -76,7 +78,7 @@ def read(name: str, text: str) -> Recorded:
         )
     clock = SECONDS if SECONDS in columns else CLOCK
     times = _times(clock, [cells[0] for _, cells in known], where)
-    points = np.empty((len(known), 3))
+    points = np.zeros((len(known), 3))
     for i, (_, cells) in enumerate(known):
         for j, (column, cell) in enumerate(zip([*columns][1:], cells[1:], strict=True)):
             points[i, j] = _number(cell, _BOUNDS[column], i, j + 1, where)
@@ -102,8 +104,8 @@ def _rows(name: str, text: str) -> Iterator[_Row]:
             yield reader.line_num, cells
 
 
-def _columns(name: str, line: int, cells: Sequence[str]) -> dict[str, int]:
-    """Columns of the time and of the three coordinates."""
+def _columns(name: str, line: int, cells: Sequence[str], depths: bool) -> dict[str, int]:
+    """Columns of the time and of the three coordinates; the last may be missing without depths."""
 
     def refuse(column: int, must: str, got: str) -> NoReturn:
         raise ConfigurationError(f"{name}, line {line}, column {column + 1}: must be {must}, {got}")
@@ -127,6 +129,8 @@ def _columns(name: str, line: int, cells: Sequence[str]) -> dict[str, int]:
     clock = CLOCK if CLOCK in found else SECONDS
     kind = kinds[0] if kinds else _kind(cells)
     wanted = (clock, *kind)
+    if not depths and kind[-1] not in found:
+        wanted = wanted[:-1]
     missing = [key for key in wanted if key not in found]
     if all(map(_is_number, cells)):
         refuse(0, f"the names of the columns ({', '.join(wanted)})", f"got {quoted(cells[0])}")

@@ -28,7 +28,9 @@ SCRIPT = Path(__file__).with_name("engine.js")
 _ENTRY = "wasm_lanes.c"
 
 
-def module(receivers: Sequence[str] = (), beacons: int = 4, lanes: int = 1) -> Path:
+def module(
+    receivers: Sequence[str] = (), beacons: int = 4, lanes: int = 1, **constants: int
+) -> Path:
     """Path of a module that simulates whole scenarios, built only if it has changed.
 
     Parameters
@@ -40,6 +42,8 @@ def module(receivers: Sequence[str] = (), beacons: int = 4, lanes: int = 1) -> P
     lanes
         Simulations side by side: 1, or 2 where WebAssembly has vectors (``simd128``). Results do
         not depend on it.
+    constants
+        Other constants of the build: ``track_points=256``.
 
     Raises
     ------
@@ -61,11 +65,23 @@ def module(receivers: Sequence[str] = (), beacons: int = 4, lanes: int = 1) -> P
             f"lanes: must be {' or '.join(map(str, modules.FLAGS))} in WebAssembly, got {lanes}"
         )
     components = (*CORE_COMPONENTS, *dict.fromkeys(receivers or RECEIVERS))
-    entry = {_ENTRY: (c_libraries.FOLDER / _ENTRY).read_bytes()}
     return modules.module(
-        f"beacons_{beacons}_lanes_{lanes}.wasm", {**entry, **c_libraries.sources(DRIVER)},
-        components, lanes, _description(components, beacons, lanes), beacons=beacons,
+        f"beacons_{beacons}_lanes_{lanes}.wasm", _driver(), components, lanes,
+        _description(components, beacons, lanes), beacons=beacons, **constants,
     )
+
+
+def key(receivers: Sequence[str], beacons: int, lanes: int, **constants: int) -> str:
+    """Cache key of everything that a module is made from; arguments as for `module`."""
+    components = (*CORE_COMPONENTS, *receivers)
+    described = _description(components, beacons, lanes)
+    return modules.key(_driver(), components, lanes, described, beacons=beacons, **constants)
+
+
+def _driver() -> dict[str, bytes]:
+    """The C sources of the lanes master."""
+    entry = {_ENTRY: (c_libraries.FOLDER / _ENTRY).read_bytes()}
+    return {**entry, **c_libraries.sources(DRIVER)}
 
 
 def _description(components: Sequence[str], beacons: int, lanes: int) -> dict[str, object]:

@@ -51,13 +51,11 @@ def render(played: Playback) -> str:
     told = content(played)
     # A script of data ends at the first tag that looks like its end.
     data = json.dumps(told, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c")
-    css = _environment().from_string(source("replay.css")).render(
-        themes={name: colours(look) for name, look in THEMES.items()}
-    )
-    script = f"\n{bundled('replay')}\n"
-    return _environment().from_string(source("replay.html.jinja")).render(
+    css = style("replay.css")
+    script = f"\n{bundled('web/js/replay')}\n"
+    return environment().get_template("replay.html.jinja").render(
         played=played, content=told, data=data, css=css, script=script,
-        hashes={"script": _hash(script), "style": _hash(css)},
+        hashes={"script": hash_of(script), "style": hash_of(css)},
     )
 
 
@@ -144,13 +142,23 @@ def _mixed(one: str, other: str, share: float) -> str:
     return "#" + "".join(f"{round(a + share * (b - a)):02x}" for a, b in pairs)
 
 
-def _hash(text: str) -> str:
+def style(*names: str) -> str:
+    """Style sheet of a page: what all pages share, then files of this room."""
+    base = environment().get_template("base.css").render(
+        themes={name: colours(look) for name, look in THEMES.items()}
+    )
+    return "\n".join((base, *map(source, names)))
+
+
+def hash_of(text: str) -> str:
     """Hash of a script or style for a content security policy."""
     return f"'sha256-{b64encode(sha256(text.encode()).digest()).decode()}'"
 
 
 @cache
-def _environment() -> jinja2.Environment:
+def environment() -> jinja2.Environment:
+    """Templates of this room, by the names of their files."""
     return jinja2.Environment(
-        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+        loader=jinja2.FunctionLoader(source),
+        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True,
     )

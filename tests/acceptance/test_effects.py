@@ -172,6 +172,12 @@ def test_the_same_holds_for_a_recorded_track() -> None:
         "target": TRACK, "receiver.type": "ekf", "platform.arm_length_m": 2.9, **SHORT}))
 
 
+def test_the_same_holds_for_a_boat_on_a_track() -> None:
+    check(load("paper-scenario-1", {
+        **{f"platform.{key}": it for key, it in BOAT.items()}, "receiver.type": "ekf",
+        "platform.arm_length_m": 2.9, **SHORT}))
+
+
 @pytest.mark.parametrize("receiver", [
     pytest.param(name, marks=[] if name in ("ekf", "coupled") else pytest.mark.slow)
     for name in RECEIVERS
@@ -186,6 +192,13 @@ TRACK = {
     "trajectory": "file",
     "track_time_s": [0.0, 3.0, 5.0, 12.0],
     "track_m": [[5, 0, 1], [6, 0, 2], [6, 0, 2], [9, 5, 3]],
+}
+
+
+BOAT = {
+    "track_time_s": [0.0, 3.0, 5.0, 12.0],
+    "track_m": [[1, 0], [2, 0], [2, 0], [3, 4]],
+    "track_heading_deg": [0.0, 20.0, 50.0, 90.0],
 }
 
 

@@ -15,7 +15,7 @@ import pytest
 from sblcosim.fmus.build import compiler
 from sblcosim.fmus.platforms import PLATFORMS, in_folders, this_platform
 from sblcosim.models import COMPONENTS
-from sblcosim.scenario.tracks import CAPACITIES
+from sblcosim.scenario.tracks import FOLLOWERS
 
 ROOT = Path(__file__).parents[2]
 MISSING = ("casadi", "ziglang", "sblcosim", "__editable__")
@@ -46,7 +46,9 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A wheel whose FMUs are for this machine only, by its own compiler: that is quicker."""
     out = tmp_path_factory.mktemp("dist")
     tool = release()
-    tool.wheel(out, compiler.find(), tool.fmus(all_platforms=False, versions=(2,)))
+    pages = tool.pages((4,), (2, 1)) if compiler.zig() else {}
+    ready = {**tool.fmus(all_platforms=False, versions=(2,)), **pages}
+    tool.wheel(out, compiler.find(), ready)
     (path,) = out.glob("*.whl")
     return path
 
@@ -99,6 +101,15 @@ def test_wheel_runs_scenarios_and_studies_without_compiler_and_casadi(
     assert not (environment.folder / "cache").exists()  # nothing was built
 
 
+@pytest.mark.skipif(compiler.zig() is None, reason="needs ziglang")
+@pytest.mark.skipif(os.name == "nt", reason="makes links")
+def test_wheel_explores_without_compiler_and_casadi(environment: Environment) -> None:
+    done = environment.run("explore", "realistic-dive", "--beacons", "4", "--no-open")
+    assert done.returncode == 0, done.stderr
+    assert (environment.folder / "realistic-dive.html").is_file()
+    assert not (environment.folder / "cache").exists()  # nothing was built
+
+
 @pytest.mark.skipif(os.name == "nt", reason="makes links")
 def test_changed_model_needs_casadi_and_the_error_says_so(environment: Environment) -> None:
     equations = environment.packages / "sblcosim" / "models" / "target" / "equations.py"
@@ -125,7 +136,9 @@ def test_release_is_a_wheel_for_each_platform_with_fmus_for_all(tmp_path: Path) 
             loops = ("native", "lanes_master", "replay", "innovations", "bound")
             assert drivers == {n + suffixes[tag[:3]] for n in loops}
             fmus = [p for p in ready if p.suffix == ".fmu"]
-            names = [*COMPONENTS, *(f"target{points}" for points in CAPACITIES[1:])]
+            names = [*COMPONENTS, *(
+                f"{name}{points}" for name, it in FOLLOWERS.items() for points in it.capacities[1:]
+            )]
             assert sorted(p.stem for p in fmus) == sorted(2 * names)
             for fmu in fmus:
                 with archive.open(fmu.as_posix()) as file, zipfile.ZipFile(file) as inner:

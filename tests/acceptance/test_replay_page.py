@@ -21,8 +21,10 @@ from browser import BROWSER, Tab
 from quick import few
 from sblcosim import Result, style
 from sblcosim.cli import app
+from sblcosim.explore.contents import refuse
 from sblcosim.judge.definitions import of_position
 from sblcosim.scenario.labels import FIXES
+from sblcosim.scenario.scenario import load
 from sblcosim.study import store
 from sblcosim.web.page import write
 from sblcosim.web.playback import Playback, PlayedReceiver
@@ -203,8 +205,8 @@ def test_the_map_shows_all_where_it_is(
     asked = json.dumps({key: value.tolist() for key, value in points.items()})
     found = browsing(page, link=f"t={time_ns / 1e9}&view={view}").run(f"""
       const {{ view, run, state, look }} = replay;
-      const pen = new modules.pen.SvgPen(view.width, view.height);
-      modules.map.drawMap(pen, view, run, state, look);
+      const pen = new modules.web_pen.SvgPen(view.width, view.height);
+      modules.web_map.drawMap(pen, view, run, state, look);
       const places = Object.entries({asked}).map(
         ([name, points]) => [name, points.map((p) => view.project(...p))]);
       return {{ svg: pen.toString(), places: Object.fromEntries(places) }};
@@ -296,7 +298,7 @@ def test_motion_is_that_of_the_record_and_smooth_or_held_between(
     result, page = page_of("sea", tmp_path)
     values, time = result.record.values, result.record.time_ns / 1e9
     found = browsing(page).run("""
-      const { run } = replay, { pointAt, wavePointAt } = modules.data;
+      const { run } = replay, { pointAt, wavePointAt } = modules.web_data;
       const at = (share) => Array.from(run.time.slice(0, -1), (t, i) => {
         const when = t + share * (run.time[i + 1] - t);
         return [pointAt(run.diver, run.time, when), wavePointAt(run.beacons[1], run.time, when),
@@ -321,7 +323,7 @@ def test_of_lengths_and_times_people_read_what_they_are(
 ) -> None:
     _, page = page_of("quick", tmp_path)
     found = browsing(page).run("""
-      const { clock, metres, unitOf } = modules.words, { roundStep, ticks } = modules.pen;
+      const { clock, metres, unitOf } = modules.web_words, { roundStep, ticks } = modules.web_pen;
       return { clock: [[8.04, 60], [125.4, 3600], [3725, 9999], [-3, 60], [-65, 3600]].map(
           (it) => clock(...it)),
         metres: [1.005, -0.004, -2.5, NaN, 1234.567].map(metres),
@@ -579,6 +581,9 @@ def test_the_report_of_a_study_says_how_to_play_its_worst_run(
     browsing(tmp_path / "worst" / "replay.html")
     errors = pd.read_csv("worst/errors.csv").set_index(["receiver", "frame", "axis"])
     assert errors.rms_m["ekf", "absolute", "total"] == pytest.approx(largest, rel=1e-12)
+    run = command[1].split()[2]
+    assert f"sblcosim explore runs/{run}/scenario.toml" in report
+    refuse(load(tmp_path / "worst" / "scenario.toml"))  # a page may have it
 
 
 def test_of_many_runs_the_typical_and_the_worst_one_can_be_played(

@@ -44,6 +44,8 @@ from sphinx.util.inventory import InventoryFile
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
+EXPLORER = "explore.html"
+"""A part of the first page; `test_explore_page.py` is about what it has."""
 BESIDE = ("README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "CHANGELOG.md", "models", "fmus",
           "orchestrator", "tests", "tools", "examples")  # fmt: skip
 """What is a page of the site, or what pages lead to."""
@@ -173,7 +175,7 @@ def built(folder: Path, drawn: Path) -> Site:
     done = alone(folder, "-m", "sphinx", "-W", "--keep-going", "-n", "-c", "docs", ".", "html")
     assert done.returncode == 0, done.stderr[-5000:]
     html = folder / "html"
-    pages = {path: Html(path) for path in html.rglob("*.html")}
+    pages = {path: Html(path) for path in html.rglob("*.html") if path != html / EXPLORER}
     return Site(html, pages, InventoryFile.loads((html / "objects.inv").read_bytes(), uri="").data)
 
 
@@ -210,6 +212,7 @@ def test_the_site_is_built_and_whole(tmp_path: Path, drawn: Path) -> None:
     every_column_of_a_run_is_in_the_reference(site)
     every_public_name_is_in_the_reference(site)
     the_pages_need_nothing_from_elsewhere(site)
+    the_first_page_has_the_explorer(site)
     links_within_the_site_lead_somewhere(site)
     formulas_are_typeset_and_lead_to_their_symbols(site)
     outputs_are_wrapped_as_on_a_terminal(site)
@@ -417,6 +420,13 @@ def the_pages_need_nothing_from_elsewhere(site: Site) -> None:
             assert not urlsplit("".join(part)).netloc, f"{path.relative_to(site.folder)}: {part}"
             found += 1
     assert found
+
+
+def the_first_page_has_the_explorer(site: Site) -> None:
+    assert f"../{EXPLORER}" in site.pages[site.folder / "docs" / "index.html"].parts
+    text = (site.folder / EXPLORER).read_text("utf-8")
+    assert "<title>A realistic dive</title>" in text
+    assert not Html(site.folder / EXPLORER).parts  # nothing is outside of it
 
 
 def links_within_the_site_lead_somewhere(site: Site) -> None:

@@ -64,6 +64,17 @@ def test_in_the_boat_s_dive_its_claims_hold_where_those_of_coupled_do_not() -> N
     assert (table["array.nees_position"] > 15).mean() <= 0.01
 
 
+@pytest.mark.parametrize(("level", "most"), [(3, 3.5), (4, 3.5), (5, 4.0)])
+def test_its_claims_hold_in_a_rough_sea(level: int, most: float) -> None:
+    """Waves beside a drift at anchor are not taken for a velocity that lasts."""
+    table = sblcosim.run_many("usbl-boat", "array", {"platform.beaufort": level},
+                              runs=200).runs.table
+    rms = np.sqrt((table["array.absolute_total_rms_m"] ** 2).mean())
+    assert rms < 5.6
+    assert 2.6 < table["array.nees_position"].mean() < most
+    assert not table["array.lost"].any()
+
+
 @pytest.mark.parametrize("keys", [
     {"acoustics.outlier_probability": 0.1}, {"acoustics.loss_probability": 0.6},
     {"platform.beacons": 3}, {"platform.beacons": 8}, {"platform.beaufort": 3},

@@ -247,6 +247,8 @@ class LogSummary(Document):
     """Date and time of the first; null if the log has no dates."""
     dimension: Literal[2, 3]
     """3, or 2: positions in the plane of the beacons."""
+    kinds: dict[str, float]
+    """Share of the ranges of each kind, such as ``one-way`` or ``inverted``."""
     origin: Place | None
     """Null if the log has no place on Earth."""
     beacons: list[HeardBeacon]

@@ -3,7 +3,8 @@
 //   boxOf(run, shown)                       what a view should show: {low, high}, points [m]
 //   drawMap(pen, view, run, state, look)    draws it all
 //
-// `state` has `time` and `shown`, a flag for each receiver; `look` is of `style.js`.
+// `state` has `time`, `shown`, a flag for each receiver, and if anything is below the drawing,
+// `under(pen, view)`; `look` is of `style.js`.
 
 import { factorOf, indexAt, pointAt, standing, wavePointAt } from "./data.js";
 import { decimal, line, roundStep, ticks, write } from "./pen.js";
@@ -61,6 +62,7 @@ export function drawMap(pen, view, run, state, look) {
   pen.fillStyle = look.water;
   pen.fillRect(0, 0, view.width, view.height);
   pen.lineJoin = "round";
+  state.under?.(pen, view);
   (view.isPlan ? drawPlanGrid : drawSpace)(pen, view, run, state, look);
   drawPath(pen, view, run, state.time, look);
   const shown = run.receivers.filter((it, i) => state.shown[i]).reverse(); // the main one on top

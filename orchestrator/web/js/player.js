@@ -61,17 +61,20 @@ const KEYS = {
   " ": (player) => player.toggle(),
 };
 
-// Let keys of the whole page move a player, but not those that a focused control needs itself.
-export function listen(document, player, step) {
-  document.addEventListener("keydown", (event) => {
-    const act = KEYS[event.key];
+// Controls that need keys themselves: all of them, or only the space bar.
+const OWN = "select, textarea, [role=button], input:not([type=checkbox], #time)";
+const OWN_SPACE = "button, summary, a, input[type=checkbox]";
+
+// Let keys in a part of the page move a player, but not those that a focused control needs itself.
+// `steps()` gives { small, large } [s].
+export function listen(part, player, steps) {
+  part.addEventListener("keydown", (event) => {
+    const act = KEYS[event.key], own = (selector) => event.target.closest?.(selector);
     if (!act || event.ctrlKey || event.altKey || event.metaKey || event.shiftKey) return;
-    const own = event.target.closest?.("button, select, summary, a, input:not([type=range])");
-    if (own && (event.key === " " || own.matches("select"))) return;
-    const slider = event.target.matches?.("input[type=range]");
+    if (own(OWN) || (event.key === " " && own(OWN_SPACE))) return;
     const scrolls = ["ArrowUp", "ArrowDown", "PageUp", "PageDown"].includes(event.key);
-    if (scrolls && !slider) return;
+    if (scrolls && !event.target.matches?.("#time")) return;
     event.preventDefault();
-    act(player, step);
+    act(player, steps());
   });
 }

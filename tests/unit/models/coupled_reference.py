@@ -439,7 +439,7 @@ class Reference:
         self, z: float, body: Array, tilt: tuple[float, float], tilt_variance: float, lever: float,
         own: bool,
     ) -> None:
-        """A range, over the spread of bearing and heading."""
+        """A range, over the spread of bearing, heading and distance."""
         p, mean, P, (roll, pitch) = self.p, self.mean, self.P, tilt
 
         def h(x: Any, roll: Any = roll, pitch: Any = pitch) -> Any:
@@ -470,10 +470,30 @@ class Reference:
             arm = y @ (rotation(roll, pitch, mean[PSI]) @ body)[:2] / rho
             first = (H[:2] @ e_t) * radius
             second = 0.5 * (k * arm - first**2 / rho) * turned
+            out = (y / radius) @ D @ P @ D.T @ (y / radius)
+            center = np.array([*mean[P_], self.down - mean[SINK]])
+
+            def further(r: float, beacon: Array) -> float:
+                place = np.array([*(mean[P_] + r * y / radius), mean[2]])
+                return (1 + mean[KAPPA]) * float(np.linalg.norm(place - beacon))
+
+            beacon = center + rotation(roll, pitch, mean[PSI]) @ body
+            beacon[:2] += lever * self.swing.at(mean)
+            stencil = {-2: -1, -1: 16, 0: -30, 1: 16, 2: -1}  # of second derivatives
+            bend = [
+                sum(n * further(radius + 0.05 * k, s) for k, n in stencil.items()) / (12 * 0.05**2)
+                for s in (beacon, center)
+            ]
+            # What a range tells of the distance, if nothing is known of the clock but its prior.
+            row = np.zeros(N)
+            row[:2] = (H[:2] @ y / radius) * y / radius
+            row[P_], row[BETA] = -row[:2], 1
+            tells = (y / radius) @ D @ P @ row
+            flat = 0.5 * (bend[0] - bend[1]) * max(out - tells**2 / (row @ P @ row + R), 0.0)
             H[PSI] *= k
             H -= (1 - k) * first * bearing
-            value += (1 - k) * arm + second
-            R += by_cos * arm**2 + by_sin * first**2 + 2 * second**2
+            value += (1 - k) * arm + second + flat
+            R += by_cos * arm**2 + by_sin * first**2 + 2 * second**2 + 2 * flat**2
         nu = z - value
         share, self.density = punctual(p, nu, H @ P @ H + R)
         d, nis = self.update(nu, H, R, share)
@@ -516,6 +536,7 @@ class Reference:
 
             x = least_squares(residuals, x, jac=lambda x: gradient(residuals, x), method="lm",
                               xtol=1e-15, ftol=1e-15, gtol=1e-15).x
+        x = self.outward(x, center, offset, residuals)
         rows = gradient(residuals, x)
         information = rows.T @ rows
         cost = (residuals(x) ** 2).sum()
@@ -530,6 +551,21 @@ class Reference:
         ranges = rows[: len(heard)]
         seen = ranges[:, :3].T @ ranges[:, 2] - with_clock * (ranges[:, 3] @ ranges[:, 2])
         self.join(x, own, common, 1 / variances[-1] / doubt, -own @ seen / doubt)
+
+    @staticmethod
+    def outward(x: Array, center: Array, offset: float, residuals: Any) -> Array:
+        """The fix, or one that is as far as the priors have the diver in half of the cases."""
+        least = min(0.6745 / np.sqrt(1 / offset + 1 / 900), 50.0)
+        away = x[:2] - center[:2]
+        if np.linalg.norm(away) >= least:
+            return x
+        there = x.copy()
+        there[:2] = center[:2] + least * away / np.linalg.norm(away)
+        # The clock fits there, too: the residuals are linear in it.
+        slope, rest = gradient(residuals, there)[:, 3], residuals(there)
+        there[3] -= slope @ rest / (slope @ slope)
+        fits = (residuals(there) ** 2).sum() < (residuals(x) ** 2).sum() + 9
+        return there if fits else x
 
     def join(
         self, x: Array, own: Array, common: tuple[Array, float, float, Array],

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import combinations
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 from bank_reference import mixed
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 from scipy.stats import exponnorm, norm
 
 Array = NDArray[np.float64]
@@ -293,65 +293,83 @@ class Reference:
             cost = np.minimum(w * residuals(found, way)[:-1] ** 2, 20).sum()
             if (found - x) @ (found - x) > 1.4**2 * spread and cost < best:
                 y, image, best = found, way, cost
-        damping = 1e-6
-        for _ in range(2):
-            W, r = np.diag(1 / variances(y)), residuals(y, image)
-            off = y - age[:-1, None] * image - s
-            J = np.vstack([off / np.linalg.norm(off, axis=1)[:, None], [0, 0, 1]])
-            information = J.T @ W @ J
-            step = np.linalg.solve(information + damping * np.diag(np.diag(information)),
-                                   J.T @ W @ r)
-            after = residuals(y + step, image)
-            better = after @ W @ after <= r @ W @ r
-            y, damping = y + better * step, damping * (0.01 if better else 100)
-            cost = min(after @ W @ after, r @ W @ r)
-            done = step @ step < 1e-14
-            if done:
-                break
-        own = np.linalg.inv(information) * max(cost / max(len(z) - 3, 1), 1.0)
+        fixed = self.common(s, z, y, image, age, p["clock_std"], 2)
+        y = fixed.place
         R = variances(x)[:-1]
         lead = likely(y, image, R) - likely(x, v, R) - 1.5 - (0 if self.fresh else 3)
         self.fresh = False
-        if lead <= -8 or (y - x) @ (y - x) <= 1.4**2 * (spread + np.trace(own)):
+        if lead <= -8 or (y - x) @ (y - x) <= 1.4**2 * (spread + np.trace(fixed.P[:3, :3])):
             return
         self.there, self.lead = self.twin(), lead
         there = self.there
         there.P, there.mean, there.epoch = self.unknown(), np.zeros(self.n), self.epoch
-        there.mean[X], there.mean[V] = y, image
-        there.P[np.ix_(X, X)] = own
+        there.mean[X], there.mean[V], there.mean[BETA] = y, image, fixed.clock
+        there.P[np.ix_([*X, BETA], [*X, BETA])] = fixed.P
 
     def fix(self, u: Mapping[str, Any]) -> None:
-        """Start from the latest receptions alone; what is common to ranges is their noise."""
-        p = self.p
+        """Start from the latest receptions alone; all but the clock is noise of the ranges."""
         heard = np.flatnonzero(u["reception_count"] > 0)
-        beacons, z = u["ping_beacon_position"][heard], u["range"][heard]
+        beacons, z = u["ping_beacon_position"][heard], np.append(u["range"][heard], u["depth"])
         newest = max(u["range_epoch"].max(), u["depth_epoch"])
-        motion = p["prior_velocity_std"] * (newest - np.append(u["range_epoch"][heard],
-                                                               u["depth_epoch"]))
-        common = p["clock_std"] ** 2 + p["beacon_error_std"] ** 2 + p["beacon_noise_std"] ** 2
-
-        def weights(x: Array) -> Array:
-            far = np.linalg.norm(x - beacons, axis=1)
-            ranges = max(p["range_std"], 1e-3) ** 2 + common + (p["sound_speed_std"] * far) ** 2
-            depth = max(p["depth_std"], 1e-3) ** 2 + p["depth_bias_std"] ** 2
-            return 1 / (np.append(ranges, depth) + motion**2)
-
-        def residuals(x: Array) -> Array:
-            return np.append(z - np.linalg.norm(x - beacons, axis=1), u["depth"] - x[2])
-
-        x = np.append(self.rough(beacons, z, u["depth"]), u["depth"])
-        for _ in range(30):  # the weights are those of where a pass begins
-            w = np.sqrt(weights(x))
-            x = least_squares(lambda x, w=w: w * residuals(x), x, xtol=1e-15, ftol=1e-15).x
-        w = weights(x)
-        far = np.linalg.norm(x - beacons, axis=1)
-        rows = np.vstack([(x - beacons) / far[:, None], [0, 0, 1]])
-        doubt = max((w * residuals(x) ** 2).sum() / max(len(heard) + 1 - 3, 1), 1.0)
+        age = newest - np.append(u["range_epoch"][heard], u["depth_epoch"])
+        x = np.append(self.rough(beacons, z[:-1], u["depth"]), u["depth"])
+        if self.p["clock_std"] > 5:
+            x[:2] = beacons[:, :2].mean(axis=0)
+        fixed = self.common(beacons, z, x, np.zeros(3), age, self.p["clock_std"], 20)
         self.mean, self.P = np.zeros(self.n), self.unknown()
-        self.mean[X] = x
-        self.P[np.ix_(X, X)] = doubt * np.linalg.inv(rows.T @ np.diag(w) @ rows)
+        self.mean[X], self.mean[BETA] = fixed.place, fixed.clock
+        self.P[np.ix_([*X, BETA], [*X, BETA])] = fixed.P
         self.epoch = newest
         self.counts, self.depth_epoch = u["reception_count"].copy(), u["depth_epoch"]
+
+    def common(
+        self, s: Array, z: Array, x: Array, v: Array, age: Array, clock_std: float, passes: int
+    ) -> SimpleNamespace:
+        """Damped steps of a fix of place and clock; both have priors."""
+        p, damping = self.p, 1e-6
+        about = np.append(s[:, :2].mean(axis=0), 0.0)
+        near = max(z[:-1].max(), 30.0)
+
+        def rows(x: Array, w: Array) -> tuple[Array, Array, float]:
+            """Weighted residuals with the clock that fits best, their slopes, and this clock."""
+            then = x - age[:, None] * v
+            off = then[:-1] - s
+            far = np.linalg.norm(off, axis=1)
+            H = np.zeros((len(z) + 3, 4))
+            H[: len(far), :3], H[: len(far), 3] = off / far[:, None], 1
+            H[len(far), 2] = 1
+            H[-3, 3], H[-2, 0], H[-1, 1] = 1, 1, 1
+            e = np.concatenate([z - np.append(far, then[-1, 2]), [0.0], (about - x)[:2]])
+            e, H = e * np.sqrt(w), H * np.sqrt(w)[:, None]
+            clock = H[:, 3] @ e / (H[:, 3] @ H[:, 3])
+            return e - clock * H[:, 3], H, clock
+
+        for _ in range(passes):
+            far = np.linalg.norm(x - age[:-1, None] * v - s, axis=1)
+            noise = p["beacon_error_std"] ** 2 + p["beacon_noise_std"] ** 2
+            noise += max(p["range_std"], 1e-3) ** 2
+            R = np.append(noise + (p["sound_speed_std"] * far) ** 2,
+                          max(p["depth_std"], 1e-3) ** 2 + p["depth_bias_std"] ** 2)
+            w = 1 / np.append(R + (p["prior_velocity_std"] * age) ** 2,
+                              [max(clock_std, 1e-3) ** 2, near**2, near**2])
+            e, H, _ = rows(x, w)
+            A = H.T @ H
+            N = A[:3, :3] - np.outer(A[:3, 3], A[3, :3]) / A[3, 3]
+            step = np.linalg.solve(N + damping * np.diag(np.diag(N)), H[:, :3].T @ e)
+            after = rows(x + step, w)[0]
+            better = after @ after <= e @ e
+            x, damping = x + better * step, damping * (0.01 if better else 100)
+            if step @ step < 1e-14:
+                break
+        e, H, clock = rows(x, w)
+        doubt = max(e @ e / max(len(z) - 3, 1), 1.0)
+        A = H.T @ H
+        own = doubt * np.linalg.inv(A[:3, :3] - np.outer(A[:3, 3], A[3, :3]) / A[3, 3])
+        lean = A[:3, 3] / A[3, 3]
+        P = np.zeros((4, 4))
+        P[:3, :3], P[:3, 3], P[3, :3] = own, -own @ lean, -own @ lean
+        P[3, 3] = 1 / A[3, 3] + lean @ own @ lean
+        return SimpleNamespace(place=x, clock=clock, P=P)
 
     @staticmethod
     def rough(beacons: Array, z: Array, depth: float) -> Array:

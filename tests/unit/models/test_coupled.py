@@ -91,6 +91,13 @@ def test_late_arrivals_of_one_time_begin_with_their_variance(chance: float, mean
     follow(Raft(), late, acoustics=NOISY | late | {"schedule": 2}, steps=40)
 
 
+@pytest.mark.parametrize("clock_std", [10.0, 27.0, 300.0])
+@pytest.mark.parametrize("motion", [{}, {"prior_velocity_std": 0.05}], ids=["fast", "slow"])
+def test_a_clock_that_is_hardly_known(clock_std: float, motion: Mapping[str, Any]) -> None:
+    """A fix that may be anywhere on a ray begins further out, and ranges bend with the distance."""
+    follow(Raft(), {**motion, "clock_std": clock_std}, acoustics=NOISY, steps=60)
+
+
 @pytest.mark.parametrize("name", ["arm of 0.4 m", "poor GPS", "skew", "three beacons", "slow"])
 def test_other_platforms(name: str) -> None:
     body = np.array([[2.0, 0.5, 0.2], [-0.5, 3.0, 0.8], [-2.5, 0.3, 0.4], [0.4, -1.5, 1.4]])

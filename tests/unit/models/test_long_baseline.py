@@ -63,6 +63,11 @@ def test_beacons_that_all_ping_at_once() -> None:
     follow({**LATE, **PRIOR}, acoustics=NOISY | {"schedule": 2}, steps=60)
 
 
+@pytest.mark.parametrize("clock_std", [4.9, 5.1, 27.0, 300.0])
+def test_a_clock_that_is_hardly_known(clock_std: float) -> None:
+    follow({"clock_std": clock_std}, steps=60)
+
+
 def test_beacons_whose_reports_wander() -> None:
     """Buoys: each reading has noise of its own, more of it up and down."""
     rng = np.random.default_rng(5)
@@ -210,10 +215,12 @@ def test_the_covariance_of_a_fix_is_that_of_its_ranges() -> None:
     P = np.zeros((field.states(4),) * 2)
     P[np.triu_indices(len(P))] = box.state("covariance")[0]
     far = 50.0
-    R = 0.2**2 + 0.3**2 + 0.4**2 + 0.5**2 + (0.01 * far) ** 2
-    # two beacons are along each axis, at an angle whose cosine is 30/50; down adds 40/50 of all
+    R = 0.2**2 + 0.4**2 + 0.5**2 + (0.01 * far) ** 2
+    # Two beacons are along each axis, at an angle whose cosine is 30/50, and the diver is within 50
+    # m of their middle. Down has 40/50 of the mean of all, which has the clock's error.
+    along = 1 / (2 * 0.6**2 / R + 1 / far**2)
     assert P[X, X] == pytest.approx([
-        R / (2 * 0.6**2), R / (2 * 0.6**2), 1 / (4 * 0.8**2 / R + 1 / (0.1**2 + 0.7**2)),
+        along, along, 1 / (0.8**2 / (R / 4 + 0.3**2) + 1 / (0.1**2 + 0.7**2)),
     ], rel=1e-6)
     assert P[X[0], X[1]] == pytest.approx(0.0, abs=1e-9)
     own = [0.4**2, 0.4**2, 9.0**2] * 4

@@ -31,6 +31,7 @@ from sblcosim.models.receiver.receivers.long_baseline import COMPONENT as LONG_B
 from sblcosim.models.settings import (
     assumptions,
     beacons,
+    boat,
     echoes,
     either,
     keys,
@@ -119,6 +120,18 @@ def _of_model(t: Tables) -> Any:
     ]
 
 
+def _turning(t: Tables) -> Any:
+    """Without a track, and on one of three points."""
+    track = {"track_count": 3, "track_time_s": (0.0, 5.0, 9.0),
+             "track_heading_deg": (0.0, 9.0, 8.0), "track_m": (0.0, 0.0, 4.0, 1.0, 5.0, 3.0)}
+    own = t.platform.boat_speed_m_s, 3.0
+    return [
+        boat.turning(SimpleNamespace(**{**vars(t.platform), **it}),
+                     dict(zip(("std", "time"), own, strict=True)), "std", "time", yaw=yaw)
+        for it in ({}, track) for yaw in (False, True)
+    ]
+
+
 def _of_waves(t: Tables) -> Any:
     developed = SimpleNamespace(**{**vars(t.platform), "wave_period_s": "developed"})
     return [motion.of_waves(t.platform), motion.of_waves(developed)]
@@ -156,7 +169,8 @@ TRIED: Mapping[str, Callable[[Tables], Any]] = {
     "keys.in_si": _of_each_key(keys.in_si),
     "keys.to_si": _of_each_key(lambda v, value: (keys.to_si(v) or (lambda it: it))(value)),
     "keys.within": _of_each_key(keys.within),
-    "motion.heading": lambda t: motion.heading(t.platform),
+    "boat.heading": lambda t: boat.heading(t.platform),
+    "boat.turning": _turning,
     "motion.of_waves": _of_waves,
     "motion.of_mooring": lambda t: motion.of_mooring(t.platform),
     "motion.of_sines": lambda t: motion.of_sines(t.platform, ("roll", "yaw", "heave")),
@@ -188,7 +202,7 @@ CHOICES = {
     "assumptions.has_clock", "assumptions.knowledge", "beacons.arranged", "either.symbolic",
     "keys.default", "keys.is_list",
     "keys.start_of", "keys.starts", "motion.is_sine", "packets.pose_source", "packets.resolutions",
-    "paths.counts", "presets.preset",
+    "paths.counts", "paths.points", "presets.preset",
 }
 """Those that take names, whole numbers and declarations only, or ask how many there are."""
 OF_EXPRESSIONS = ("exact", "expression", "names", "start_values")

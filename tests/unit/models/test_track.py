@@ -5,12 +5,13 @@ from __future__ import annotations
 from functools import cache
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
+from sblcosim.models import track
 from sblcosim.models.declaration import Component
 from sblcosim.models.equations import Model
 from sblcosim.models.loading import load
-from sblcosim.models.target import track
 from sblcosim.models.target.variables import TRACK_POINTS, TRAJECTORIES
 from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 from stepper import Stepper, no_noise
@@ -94,6 +95,15 @@ def test_no_coordinate_leaves_the_range_of_its_two_points() -> None:
         ends = np.sort([POINTS[i], POINTS[i + 1]], axis=0)
         assert (record["position"][inside] >= ends[0] - 1e-12).all()
         assert (record["position"][inside] <= ends[1] + 1e-12).all()
+
+
+@pytest.mark.parametrize("step", [-1 / 3, 1 / 3, -1e20, 1e20, 1e-300])
+def test_a_velocity_beside_a_stop_is_zero_and_never_unknown(step: float) -> None:
+    """With -1/3 m in each second, the weighted sum of both velocities is -1."""
+    for steps in ((0.0, step), (step, 0.0), (step, -step)):
+        with np.errstate(all="raise", under="ignore"):
+            assert track.velocity(np, *map(np.float64, steps), 1.0, 1.0) == 0
+    assert float(track.velocity(ca, ca.DM(0), ca.DM(step), 1, 1)) == 0
 
 
 def test_points_on_a_line_are_passed_at_constant_speed() -> None:

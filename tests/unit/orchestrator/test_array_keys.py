@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -285,15 +284,6 @@ def test_a_map_says_why_there_is_no_accuracy_and_has_the_dilution_of_differences
     said = found.text(verbose=True)
     assert ("without a common clock, only a bearing is known" in said) != timed
     assert "all around the platform" not in said
-
-
-def test_there_is_no_log_of_differences(tmp_path: Path) -> None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        result = sblcosim.run(BOAT, "array", {f"{A}common_clock": False, "time.duration_s": 5.0})
-    with pytest.raises(sblcosim.ConfigurationError, match="common_clock is false"):
-        result.save(tmp_path / "run", log=True, figures=False)
-    assert not (tmp_path / "run").exists()
 
 
 def test_symbols_of_both_uses_are_equal() -> None:

@@ -221,6 +221,20 @@ def test_what_is_not_rounded_is_assumed_to_the_bit() -> None:
         assert receiver.imu_tilt_std_deg == hypot(0.3, 0.77, 0.0, 0.0)
 
 
+def test_noises_of_waves_and_mooring_add() -> None:
+    """2 σ²/τ, which changes the velocity; and σ², the velocity itself."""
+    def told(**keys: float) -> tuple[float, float]:
+        sea = {"motion": "spectrum", "wave_height_m": 0.0, **keys}
+        found = load({"platform": sea}).assumptions()
+        return found["platform_velocity_std_m_s"], found["platform_velocity_time_s"]
+
+    waves, drift = {"wave_height_m": 1.0}, {"watch_circle_m": 5.0, "mooring_time_s": 20.0}
+    (v, tau), (w, slow), (both, time) = told(**waves), told(**drift), told(**waves, **drift)
+    assert slow == pytest.approx(20.0)
+    assert both**2 == pytest.approx(v**2 + w**2)
+    assert both**2 / time == pytest.approx(v**2 / tau + w**2 / slow)
+
+
 def test_a_given_key_wins() -> None:
     given = {"gps_std_m": 9.0, "clock_std_m": 0.0, "tilt_std_deg": 1.0, "range_std_m": 0.9}
     scenario = load({"receiver": {"type": "coupled", **given},

@@ -378,6 +378,7 @@ def test_the_help_says_how_many_runs_are_needed(cli: Callable[..., Result]) -> N
 NUMBERS = {
     "run": "--fmi --seed --step-timeout",
     "plan": "--fmi --seed",
+    "explore": "--seed",
     "calibrate": "--sound-speed --assumed-sound-speed --range-std --distance --distance-std "
     "--clock-offset --pings --seed --fmi",
     "study": "--replicates --workers",

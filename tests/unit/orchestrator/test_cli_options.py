@@ -32,6 +32,7 @@ ROOT: Any = typer.main.get_command(app)
 BEFORE: dict[str, tuple[str, ...]] = {
     "run": ("paper-scenario-1",),
     "smooth": ("run",),
+    "explore": ("paper-scenario-1", "--no-open"),
     "plan": ("paper-scenario-1",),
     "calibrate": (),
     "log": ("dive.csv",),

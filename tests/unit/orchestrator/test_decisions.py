@@ -277,9 +277,9 @@ def test_keys_that_belong_to_the_former_answer_go_with_it() -> None:
         begin = decided(begin, {"path": path}).scenario
         assert begin.target.waypoint_count == count
     recorded = decided(begin, {"path": "dive.csv"})
-    assert recorded.scenario.recorded["track_file"] == str(Path.cwd() / "dive.csv")
+    assert recorded.scenario.recorded["target"]["track_file"] == str(Path.cwd() / "dive.csv")
     again = decided(recorded.scenario, {"path": "geo.csv"})
-    assert again.scenario.recorded["track_file"] == str(Path.cwd() / "geo.csv")
+    assert again.scenario.recorded["target"]["track_file"] == str(Path.cwd() / "geo.csv")
     check_written(again)
     assert 'track_file = "../geo.csv"' in Path("deep", "mine.toml").read_text("utf-8")
     back = decided(again.scenario, {"path": "circle"}).scenario

@@ -35,6 +35,7 @@ from sblcosim.comparison.many.run import run_many
 from sblcosim.comparison.tournament.run import compare
 from sblcosim.comparison.tournament.worst import worst_run
 from sblcosim.estimation.after import smooth
+from sblcosim.explore import page
 from sblcosim.export.container import export_fmu
 from sblcosim.export.ssp import export_ssp
 from sblcosim.fmus.build.factory import build
@@ -93,6 +94,7 @@ CASES = [
                   "--log": "is of one run, and is refused",
                   "--trajectories": "are of one run, and are refused"}),
     Case(("smooth", "runs/x"), (smooth,)),
+    Case(("explore", SCENARIO), (page.write, page.show)),
     Case(("identify", "dive"), (identify,)),
     Case(("plan", SCENARIO), (connect, resolve, check_size, contents.plan),
          without={"--svg": "is of packages, and is refused"}),
@@ -148,6 +150,7 @@ VALUES = {
     "--like": "lbl",
     "new --beacons": "1 2 3; 4 5 6; 7 8 0",
     "build --beacons": "5",
+    "explore --beacons": "5",
     "--platform": "wasm32",
     "--mounting": "0.3",
     "--gps": "rtk",

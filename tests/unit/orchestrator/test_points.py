@@ -66,7 +66,7 @@ def content(scenario: Scenario) -> list[Any]:
     return [
         [repr(vars(it) if hasattr(it, "model_fields_set") else it) for it in tables],
         [sorted(getattr(it, "model_fields_set", ())) for it in tables],
-        sorted(scenario.model_fields_set), scenario.given(), scenario.about_track,
+        sorted(scenario.model_fields_set), scenario.given(), scenario.about_tracks,
         sorted(scenario.__dict__["_changed"]),
     ]  # fmt: skip
 

@@ -294,6 +294,7 @@ def test_the_folder_of_an_answer(found: tuple[Requirement, Path]) -> None:
                      "front_narrow.png", "designs.csv", "designs.parquet", "scenario.toml",
                      "manifest.json"}  # fmt: skip
     page = (out / "answer" / "report.html").read_text("utf-8")
+    assert "sblcosim explore scenario.toml" in page
     assert answer.sentences()[0] in page
     assert "errors count from 4 s on" in page
     assert "12 s" in page

@@ -56,13 +56,27 @@ def test_a_key_that_is_commented_out_is_valid_when_it_is_put_in_use() -> None:
             if line.startswith("["):
                 break
             key = line.removeprefix("# ").partition(" = ")[0]
-            # A foreign FMU goes with other keys, which are then to be changed as well.
-            alone = key not in ("fmu", "parameters")
+            # A foreign FMU goes with other keys, which are then to be changed as well. A boat's
+            # track needs its file, or all its points.
+            alone = key not in ("fmu", "parameters") and (name, key) not in (
+                ("platform", "track_file"), ("platform", "track_time_s"),
+            )
             if alone and line.startswith("# ") and key in TABLES[name].model_fields:
                 changed = [*lines[:number], line.removeprefix("# "), *lines[number + 1 :]]
                 load(tomllib.loads("\n".join(changed)))
                 tried += 1
     assert tried > 30
+
+
+def test_the_points_of_a_boat_are_valid_together() -> None:
+    text = starter("mine")
+    begin, boat = text.split("[platform]\n")
+    for key in ("track_time_s", "track_m", "track_heading_deg"):
+        boat = boat.replace(f"# {key} = ", f"{key} = ", 1)
+    platform = load(tomllib.loads(f"{begin}[platform]\n{boat}")).platform
+    assert platform.track_count == 2
+    assert platform.track_m == (0.0, 10.0, 10.0, 10.0)
+    assert platform.track_heading_deg == (0.0, 90.0)
 
 
 @pytest.mark.parametrize("name", shipped())

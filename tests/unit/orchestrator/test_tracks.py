@@ -328,13 +328,13 @@ def test_a_scenario_holds_the_points_instead_of_the_file(tmp_path: Path) -> None
     made = load(file)
     assert made.target.track_file is None
     assert made.target.track_count == len(made.target.track_time_s)
-    assert "of 60 points" in made.about_track
+    assert "of 60 points" in made.about_tracks[0]
     (tmp_path / "dive.csv").unlink()
     again = tmp_path / "again.toml"
     again.write_text(made.dump_toml())
     assert load(again).target == made.target
-    assert made.override({"seed": 3}).about_track == made.about_track
-    assert made.override({"target.trajectory": "circle"}).about_track == ""
+    assert made.override({"seed": 3}).about_tracks == made.about_tracks
+    assert made.override({"target.trajectory": "circle"}).about_tracks == ()
     with pytest.raises(ConfigurationError, match="no such file"):
         load(file)
 
@@ -425,7 +425,7 @@ def test_tracks_that_follow_each_other_are_one(tmp_path: Path) -> None:
     whole = read(written(tmp_path, gpx(*one, *two), "whole.gpx"))
     np.testing.assert_array_equal(apart.points, whole.points)
     np.testing.assert_array_equal(apart.times, whole.times)
-    assert "left out" not in load(file).about_track
+    assert "left out" not in load(file).about_tracks[0]
 
 
 def test_tracks_beside_another_are_left_out(tmp_path: Path) -> None:
@@ -443,7 +443,7 @@ def test_tracks_beside_another_are_left_out(tmp_path: Path) -> None:
     assert track.where(2, 3).endswith("(trkpt 5, ele)")
     line = text[: text.index("10:00:40")].count("\n") + 1
     assert f"line {line}," in track.where(2, 3)
-    assert load(file).about_track.endswith(
+    assert load(file).about_tracks[0].endswith(
         "; left out: coupled, trk 4, as they begin before the previous track has ended"
     )
 

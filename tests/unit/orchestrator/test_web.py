@@ -257,17 +257,18 @@ def test_a_run_without_receivers_has_no_page() -> None:
 
 
 def test_modules_are_bundled_each_after_those_that_it_imports() -> None:
-    text = bundle.bundled("replay")
+    text = bundle.bundled("web/js/replay")
     names = re.findall(r"^modules\.(\w+) = ", text, re.MULTILINE)
     folder = Path(page.__file__).parent / "js"
-    assert {*names} == {path.stem for path in folder.glob("*.js")}  # none is unused
+    assert {*names} == {f"web_{path.stem}" for path in folder.glob("*.js")}  # none is unused
     assert len({*names}) == len(names)
     for use in re.finditer(r"= modules\.(\w+);", text):
         before = text[: use.start()]
         assert f"modules.{use[1]} = (() =>" in before
     assert not re.search(r"^(?:import|export)\b", text, re.MULTILINE)
     for name in names:
-        assert bundle.source(f"js/{name}.js").startswith("// ")  # says what it is
+        text = bundle.module(name.replace("web_", "web/js/"))
+        assert text.startswith("// ")  # says what it is
 
 
 @pytest.mark.parametrize(
@@ -278,10 +279,12 @@ def test_modules_are_bundled_each_after_those_that_it_imports() -> None:
         ({"a": 'import b from "./b.js";\n'}, r"a\.js: must be written as .*, got import b from"),
         ({"a": "export default 1;\n"}, r"a\.js: must be written as .*, got export default 1"),
         ({"a": 'import { b as c } from "./b.js";\n', "b": ""}, r"a\.js: .*got .*b as c"),
+        ({"a": 'import { b, c } from "./b.js";\n', "b": "export const b = 1, c = 2;\n"},
+         r"b\.js: must export c, which a\.js imports"),
     ],
 )  # fmt: skip
 def test_other_forms_of_modules_are_refused(modules: dict[str, str], why: str, seam: Seam) -> None:
-    seam.instead(bundle.source, lambda name: modules[Path(name).stem])
+    seam.instead(bundle.module, lambda name: modules[name])
     with pytest.raises(ValueError, match=why):
         bundle.bundled("a")
 

@@ -1,0 +1,244 @@
+"""What a page holds: a scenario, all keys, components, presets, sources of error, and modules."""
+
+from __future__ import annotations
+
+import zlib
+from base64 import b64encode
+from collections.abc import Collection, Sequence
+from pathlib import Path
+from typing import Any
+
+from sblcosim.fmus.platforms import WASM
+from sblcosim.models import RECEIVERS
+from sblcosim.models.acoustics.contents import CONTENTS, PLACED
+from sblcosim.models.acoustics.ranging import RANGINGS
+from sblcosim.models.ports import BEACONS
+from sblcosim.models.settings.assumptions import PARAMETERS
+from sblcosim.models.settings.keys import starts
+from sblcosim.models.target.variables import TRACK_POINTS
+
+from ..data.arms import LONGEST_ARM
+from ..errors import ConfigurationError
+from ..scenario import settings, sources, water
+from ..scenario.error_sources import FLOOR, SOURCES, Source
+from ..scenario.filling import DEFAULT_RECEIVER
+from ..scenario.labels import RAW
+from ..scenario.scenario import Scenario
+from ..scenario.schema import CORE_COMPONENTS, SEED, TABLES, given_of
+from ..simulation.plans.plan import LAG
+from ..style import LINES, THEMES
+from ..wasm import modules
+from .declarations import declarations
+from .parts import parts
+
+COMPARED = ("coupled", "ekf", "multilateration")
+"""Receivers that every page has, beside those of its scenario."""
+MOST_POINTS = 256
+"""Largest number of points of a recorded track in a page."""
+POINTS = {TRACK_POINTS.name: MOST_POINTS}
+LATE = "receiver.outlier_mean_m"
+"""What a receiver assumes about late ranges: the mean excess of outliers and echoes."""
+LANES = (2, 1)
+"""Runs side by side of a page's modules; the second is for browsers without vectors."""
+
+
+def contents(
+    scenario: Scenario,
+    receivers: Sequence[str] = (),
+    beacons: Collection[int] = (),
+    lanes: Collection[int] = LANES,
+) -> dict[str, Any]:
+    """The content of a page, as plain data; `js/explorer.js` reads it.
+
+    Parameters
+    ----------
+    receivers
+        Names of our receivers to begin with; default: the scenario's own.
+    beacons
+        Numbers of beacons that can be chosen, beside that of the scenario.
+    lanes
+        Runs side by side for which there are modules.
+
+    Raises
+    ------
+    ConfigurationError
+        The scenario has files of other authors, or a receiver is not one of ours.
+    BuildError
+        A module must be built, and CasADi or ``ziglang`` is missing, or the compiler fails.
+    """
+    refuse(scenario)
+    chosen = sources.choose(scenario, tuple(receivers))
+    for it in chosen.values():
+        if it not in RECEIVERS:
+            raise ConfigurationError(
+                f"receiver: must be one of {', '.join(RECEIVERS)} to explore a scenario, got "
+                f"{sources.named(it)}"
+            )
+    types = [it for it in RECEIVERS if it in {*chosen.values(), *COMPARED}]
+    counts = sorted({scenario.beacons, *beacons})
+    for count in counts:
+        if not BEACONS.least <= count <= BEACONS.most:
+            raise ConfigurationError(
+                f"beacons: must be from {BEACONS.least} to {BEACONS.most}, got {count}"
+            )
+    return {
+        "name": scenario.name, "title": scenario.title or scenario.name,
+        "seed": scenario.seed, "fmi": scenario.fmi,
+        "given": given(scenario),
+        "receivers": [label for label in chosen if label != RAW],
+        "types": types,
+        "keys": declarations(),
+        "systems": {str(count): _system(count, types) for count in counts},
+        "rules": _rules(scenario),
+        "sources": [_source(it) for it in SOURCES.values()],
+        "modules": _modules(counts, types, lanes),
+    }
+
+
+def refuse(scenario: Scenario) -> None:
+    """Refuse a scenario whose numbers a page cannot have.
+
+    Raises
+    ------
+    ConfigurationError
+        It has files of other authors, or a track of too many points.
+    """
+    for name in (*CORE_COMPONENTS, "receiver"):
+        table = getattr(scenario, name)
+        if table.fmu is not None or table.parameters:
+            raise ConfigurationError(
+                f"{scenario.where(name, 'fmu')}: must be left out to explore the scenario, as a "
+                "page has our components only"
+            )
+    count = len(scenario.target.track_time_s or ())
+    if scenario.target.trajectory == "file" and count > MOST_POINTS:
+        raise ConfigurationError(
+            f"{scenario.where('target', 'track_tolerance_m')}: the diver must follow at most "
+            f"{MOST_POINTS} points in a page, got {count}; a larger tolerance keeps fewer"
+        )
+
+
+def given(scenario: Scenario) -> dict[str, Any]:
+    """The keys that a scenario gives, by path; arrays are flat."""
+    return {
+        f"{name}.{key}": value
+        for name in TABLES for key, value in given_of(getattr(scenario, name)).items()
+        if value is not None and key not in ("fmu", "fmi", "parameters")
+    }
+
+
+def _system(beacons: int, types: Sequence[str]) -> dict[str, Any]:
+    """Components, start values and the settings module for a number of beacons."""
+    names = {*CORE_COMPONENTS, *types}
+    described = settings.description(beacons)
+    computed = {
+        kind: {it: own for it, own in described[kind].items() if it.partition(".")[0] in names}
+        for kind in ("values", "copies")
+    }
+    return {
+        "parts": parts(types, beacons=beacons, **POINTS),
+        "defaults": {name: dict(starts(name, beacons)) for name in CORE_COMPONENTS},
+        "settings": {**{k: described[k] for k in ("keys", "optional")}, **computed},
+    }
+
+
+def _source(source: Source) -> dict[str, Any]:
+    """A source of error, and the levels of better equipment."""
+    return {
+        "name": source.name, "words": source.words,
+        "parts": [
+            {"keys": [*it.keys], "better": [[*level] for level in it.better.items()],
+             "off": it.off, "about": it.about, "relative": it.relative}
+            for it in source.parts
+        ],
+    }
+
+
+def _rules(scenario: Scenario) -> dict[str, Any]:
+    """Tables that rules of a scenario need."""
+    acoustics = scenario.acoustics
+    measured = {
+        f"acoustics.{key}": getattr(acoustics, key)
+        for key in ("temperature_C", "salinity", "sample_depth_m", "profile_depth_m",
+                    "profile_temperature_C", "profile_salinity")
+        if key in acoustics.model_fields_set
+    }
+    return {
+        "beacons": int(BEACONS),
+        "receiver": DEFAULT_RECEIVER,
+        "receiver_keys": {
+            name: [v.key for v in it.of("parameter")] for name, it in RECEIVERS.items()
+        },
+        "lag": LAG,
+        "legs": {name: it.legs for name, it in RANGINGS.items()},
+        "contents": {
+            name: {
+                "places": {str(n): it.places(n) for n in range(BEACONS.least, BEACONS.most + 1)},
+                "pose": it.pose, "only_own": it.only_own, "placed": name in PLACED,
+            }
+            for name, it in CONTENTS.items()
+        },
+        "seed": {"least": SEED.min, "most": SEED.max},
+        "track_points": MOST_POINTS,
+        "floor": FLOOR,
+        "late": {"key": LATE, "value": _late(scenario)},
+        "far": LONGEST_ARM,
+        "style": {
+            "colours": len(THEMES["light"].receivers),
+            "lines": [[] if isinstance(it, str) else [*it[1]] for it in LINES],
+        },
+        "water": {
+            "setters": water.SETTERS, "keys": water.KEYS,
+            "given": measured, "speed": acoustics.sound_speed_m_s,
+            "profile": acoustics.profile_speed_m_s,
+        },
+    }
+
+
+def _late(scenario: Scenario) -> float | None:
+    """What receivers assume about echoes along the path [m]; None without echoes.
+
+    The settings module cannot compute it for a path of points. There, the page keeps this value.
+    """
+    acoustics = scenario.acoustics
+    if not acoustics.surface_echo_probability and not acoustics.bottom_echo_probability:
+        return None
+    name = LATE.partition(".")[2]
+    value: float = scenario.assumptions(PARAMETERS)[name]
+    return value
+
+
+def _modules(
+    counts: Sequence[int], types: Sequence[str], lanes: Collection[int]
+) -> dict[str, str]:
+    """WebAssembly by its use, number of beacons and of lanes; compressed, as base64."""
+    found = {}
+    for count in counts:
+        found[f"settings.{count}"] = packed(settings.library(count, platform=WASM))
+        for lane in lanes:
+            file = modules.module(types, count, lane, **POINTS)
+            found[f"engine.{count}.{lane}"] = packed(file)
+    return found
+
+
+def ready(
+    counts: Collection[int] = range(BEACONS.least, BEACONS.most + 1),
+    lanes: Collection[int] = LANES,
+) -> dict[str, Path]:
+    """The modules of pages with the usual receivers, by cache key and name of the file."""
+    types = [it for it in RECEIVERS if it in COMPARED]
+    found = {}
+    for count in counts:
+        file = settings.library(count, platform=WASM)
+        found[f"{settings.key(count, WASM)}/{file.name}"] = file
+        for lane in lanes:
+            file = modules.module(types, count, lane, **POINTS)
+            found[f"{modules.key(types, count, lane, **POINTS)}/{file.name}"] = file
+    return found
+
+
+def packed(file: Path) -> str:
+    """A file, compressed with zlib and written as base64."""
+    return b64encode(zlib.compress(file.read_bytes(), 9)).decode()
+
+

@@ -1,0 +1,238 @@
+// The page in which a scenario can be explored: joins the explorer, the controls and the pictures.
+
+import { savePicture } from "../../web/js/save.js";
+import { Stage } from "../../web/js/stage.js";
+import { lookOf } from "../../web/js/style.js";
+import { surface } from "../../web/js/surface.js";
+import { BeaconEditor } from "./beacons.js";
+import { showCauses } from "./causes.js";
+import { hasEffect, makeControls } from "./controls.js";
+import { $, download, element, put, swatch } from "./dom.js";
+import { Explorer } from "./explorer.js";
+import { drawHistogram } from "./histogram.js";
+import { PathEditor } from "./path.js";
+import { length } from "./phrases.js";
+import { ReceiverChoice } from "./receivers.js";
+import { SettingsList } from "./settings.js";
+import { Changes } from "./changes.js";
+import { showBuy, showVerdict, tell } from "./verdict.js";
+import { Water } from "./water.js";
+
+const RETRIES = 2;
+const NO_FIT = "The link has settings that do not fit this page: ";
+const PAUSE = 80; // ms without a change before many dives start
+
+class Page {
+  constructor(explorer, changes, run) {
+    Object.assign(this, { explorer, changes, turn: 0, summary: null });
+    this.stage = new Stage(run, { title: explorer.title, kind: "total", keys: $("dive") });
+    this.fields = makeControls(this);
+    this.receivers = new ReceiverChoice(this);
+    this.beacons = new BeaconEditor(this);
+    this.path = new PathEditor(this);
+    this.water = new Water(this);
+    this.list = new SettingsList(this);
+    this.histogram = surface($("histogram"), (width, height) => {
+      this.size = { width, height };
+      this.drawHistogram();
+    });
+    this.bind();
+    this.stage.player.seek(run.stop);
+    this.show();
+    this.isComputed();
+    this.compute();
+  }
+
+  bind() {
+    $("reset-all").addEventListener("click", () => {
+      this.explorer.reset();
+      for (const field of [...this.fields, ...this.list.fields.values()]) field.tell(null);
+      this.changed();
+    });
+    $("link").addEventListener("click", () => this.copyLink());
+    $("download").addEventListener("click", () => download(this.explorer.file, this.explorer.toml()));
+    $("count").addEventListener("change", () => this.compute());
+    $("seed").addEventListener("change", () => this.seed($("seed").value.trim()));
+    $("next-seed").addEventListener("click", () => this.seed(this.explorer.seed + 1));
+    document.querySelectorAll('[data-save^="histogram "]').forEach((button) => {
+      button.addEventListener("click", () => this.saveHistogram(button.dataset.save.split(" ")[1]));
+    });
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.drawHistogram());
+    addEventListener("hashchange", () => this.follow());
+  }
+
+  seed(value) {
+    const problem = this.explorer.setSeed(value);
+    put($("seed-problem"), problem ?? "");
+    $("seed-problem").hidden = !problem;
+    $("seed").setAttribute("aria-invalid", String(Boolean(problem)));
+    this.changed();
+  }
+
+  // A link carries settings: explore.html#…
+  async follow() {
+    const settings = Explorer.settingsOf(location.hash);
+    if (!settings) return;
+    await this.explorer.loaded;
+    this.explorer.reset();
+    const problem = this.explorer.apply(settings);
+    this.changed();
+    if (problem) requestAnimationFrame(() => this.report(NO_FIT + problem));
+  }
+
+  report(sentence) {
+    $("problem").hidden = !sentence;
+    put($("problem"), sentence ?? "");
+  }
+
+  async copyLink() {
+    const address = location.href.split("#")[0] + this.explorer.link();
+    try {
+      await navigator.clipboard.writeText(address);
+      put($("link"), "Copied");
+    } catch { // not allowed here: it is in the address line instead
+      location.hash = this.explorer.link();
+      put($("link"), "In the address");
+    }
+    setTimeout(() => put($("link"), "Copy link"), 2000);
+  }
+
+  // After any change, accepted or not: once for all changes of a frame.
+  changed() {
+    if (this.waiting) return;
+    this.waiting = true;
+    requestAnimationFrame(() => {
+      this.waiting = false;
+      this.report(null);
+      this.changes.refresh();
+      this.show();
+      if (this.isComputed()) return; // refused
+      this.turn++;
+      if (this.water.on) this.water.clear();
+      put($("so-far"), "…"); // what is shown beside it is of other settings, for a moment
+      document.body.classList.add("computing");
+      this.stage.replace(this.explorer.dive());
+      this.showLegend();
+      clearTimeout(this.timer);
+      this.timer = setTimeout(() => this.compute(), PAUSE);
+    });
+  }
+
+  // Whether what is shown is of these settings; from now on it will be.
+  isComputed() {
+    const settings = this.explorer.toml() + this.explorer.command(), same = settings === this.settings;
+    this.settings = settings;
+    return same;
+  }
+
+  show() {
+    const { explorer, changes } = this;
+    for (const field of this.fields) {
+      field.show();
+      field.element.hidden = !hasEffect(this, field.key) && !changes.has(field.path);
+    }
+    for (const part of [this.receivers, this.beacons, this.path, this.list]) part.show();
+    $("reset-all").hidden = !explorer.link();
+    if ($("seed-problem").hidden) $("seed").value = explorer.seed;
+    put($("command"), explorer.command());
+    put($("which"), `The dive on this page is that of seed ${explorer.seed}.`);
+    this.showLegend();
+  }
+
+  showLegend() {
+    const { receivers } = this.stage.run;
+    for (const id of ["of-receivers", "of-errors-receivers"])
+      $(id).replaceChildren(...receivers.map((it) => element("span", {}, swatch(it), it.label)));
+  }
+
+  // --- Many dives -----------------------------------------------------------------------------------
+
+  async compute(again = RETRIES) {
+    const { explorer } = this, [main] = explorer.receivers;
+    explorer.cancel();
+    const turn = ++this.turn;
+    document.body.classList.add("computing");
+    showBuy(null);
+    const take = (summary) => { if (summary && turn === this.turn) this.take(summary, main); };
+    try {
+      const summary = await explorer.dives(Number($("count").value), take);
+      if (!summary || turn !== this.turn) return;
+      take(summary);
+      const found = await explorer.causes((part) => this.takeCauses(part, turn));
+      if (!found || turn !== this.turn) return;
+      this.takeCauses(found, turn);
+      showBuy(found, summary.receivers[main].p95);
+      tell(summary.receivers[main].p95, main);
+      document.body.classList.remove("computing");
+    } catch (error) {
+      if (turn !== this.turn) return;
+      if (again) await this.compute(again - 1); // a worker may end, when memory is short
+      else this.report(`The dives could not be computed: ${error.message}`);
+    }
+  }
+
+  takeCauses(found, turn) {
+    if (turn !== this.turn) return;
+    showCauses(found.causes, found);
+    put($("then"), `${found.done} of ${found.n} dives without each cause`);
+  }
+
+  take(summary, main) {
+    this.summary = { ...summary, main };
+    const styles = Object.fromEntries(this.stage.run.receivers.map((it) => [it.label, it]));
+    showVerdict(summary, styles, main);
+    put($("dives-note"), `${summary.done} dives, each with its own waves, noise and losses: seeds ${seedsOf(this.explorer.seed, summary.done)}.`);
+    const { p50, p95 } = summary.receivers[main];
+    $("histogram").setAttribute("aria-label", `Histogram of the errors of ${summary.done} dives with `
+      + `${main}: half within ${length(p50)}, 95 % within ${length(p95)}`);
+    this.drawHistogram();
+  }
+
+  get compared() {
+    if (!this.summary) return [];
+    const { receivers, main } = this.summary;
+    return [main, ...Object.keys(receivers).filter((it) => it !== main)].flatMap((label) => {
+      const style = this.stage.run.receivers.find((it) => it.label === label);
+      return style ? [{ ...style, ...receivers[label] }] : [];
+    });
+  }
+
+  drawHistogram() {
+    if (this.size) drawHistogram(this.histogram.pen, this.size, this.compared, lookOf(document.body));
+  }
+
+  async saveHistogram(kind) {
+    const look = lookOf(document.body), compared = this.compared;
+    await savePicture(kind, "dives", {
+      ...this.size, look, title: `${this.explorer.title}, errors of ${this.summary.done} dives`,
+      legend: compared.map((it) => ({ label: it.label, colour: look.of(it), dash: it.dash, mark: "line" })),
+      draw: (pen) => drawHistogram(pen, this.size, compared, look),
+    });
+  }
+}
+
+const seedsOf = (first, count) => `${first} to ${first + count - 1}`;
+
+// Chromium lets a page in a file start workers only from a text.
+const makeWorker = (script) => () =>
+  new Worker(URL.createObjectURL(new Blob([script], { type: "text/javascript" })));
+
+async function start() {
+  if (typeof WebAssembly === "undefined") throw new Error("this browser has no WebAssembly");
+  if (typeof DecompressionStream === "undefined") throw new Error("this browser has no DecompressionStream");
+  const contents = JSON.parse($("contents").textContent);
+  const explorer = await Explorer.open(contents, makeWorker(contents.worker));
+  const changes = new Changes(explorer), settings = Explorer.settingsOf(location.hash);
+  if (settings) await explorer.loaded;
+  const problem = settings ? explorer.apply(settings) : null;
+  changes.refresh();
+  window.page = new Page(explorer, changes, explorer.dive());
+  if (problem) window.page.report(NO_FIT + problem);
+  document.body.classList.add("ready");
+}
+
+start().catch((error) => {
+  $("problem").hidden = false;
+  $("problem").textContent = `This page cannot simulate here: ${error.message}`;
+  throw error;
+});

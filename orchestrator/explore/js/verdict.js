@@ -1,0 +1,64 @@
+// What is said first: how far off, what to buy first, whether the claim holds, and other receivers.
+
+import { $, element, put, swatch } from "./dom.js";
+import { decimal } from "../../web/js/pen.js";
+import { length, share } from "./phrases.js";
+
+/** From `explorer.dives`: while the runs are done, and when they are. */
+export function showVerdict({ done, n, receivers }, styles, main) {
+  const own = receivers[main];
+  put($("within"), length(own.p95));
+  put($("half"), length(own.p50));
+  $("whose").replaceChildren(swatch(styles[main]), main);
+  put($("so-far"), done < n ? `${whole(done)} of ${whole(n)} dives` : `${whole(n)} dives`);
+  $("progress").hidden = done >= n;
+  Object.assign($("progress"), { value: done, max: n });
+  put($("lost"), own.lost ? `, lost in ${whole(own.lost)}` : "");
+  showClaim(own, main);
+  showOthers(receivers, styles, main);
+}
+
+const whole = (n) => n.toLocaleString("en").replaceAll(",", " ");
+
+// The verdicts of `orchestrator/judge/consistency.py`, in short and in a sentence.
+const CLAIMS = {
+  "in band": ["holds", "holds", () => "as large as the true one"],
+  pessimistic: ["holds", "holds", (times) => `on the safe side, ${times} times as large as the true one`],
+  optimistic: ["fails", "too small", (times) => `too small: the true one is ${times} times as large`],
+};
+
+function showClaim({ claim: { verdict, factor } }, main) {
+  const [kind, short, words] = CLAIMS[verdict] ?? ["unknown", "not known yet", null];
+  const times = decimal(verdict === "pessimistic" ? 1 / factor : factor, 2);
+  put($("holds"), short);
+  $("holds").dataset.verdict = kind;
+  put($("claim"), words ? `The error that ${main} claims is ${words(times)}.` : "");
+}
+
+function showOthers(receivers, styles, main) {
+  const others = Object.keys(receivers).filter((name) => name !== main);
+  $("others").replaceChildren(...others.flatMap((name) => [element("div", {},
+    element("dt", {}, swatch(styles[name]), `95 %, ${name}`),
+    element("dd", {}, length(receivers[name].p95)))]));
+}
+
+/** From `explorer.causes`; null while they are not known. */
+export function showBuy(found, own) {
+  const best = found?.causes.find((it) => it.name === found.first)?.better;
+  if (!found) {
+    put($("buy"), "…");
+    put($("then"), "while dives without each cause run");
+  } else if (!best) {
+    put($("buy"), "nothing");
+    put($("then"), "no better equipment has a gain that is clear of chance");
+  } else {
+    put($("buy"), best.words);
+    put($("then"), `then about ${length(own * (1 - best.gain))} (−${share(best.gain)}), clear of chance`);
+  }
+}
+
+/** What screen readers are told when all is known. */
+export function tell(within, main) {
+  put($("told"), `95 % of the time you are within ${length(within)}, with ${main}. `
+    + `Buy first: ${$("buy").textContent}, ${$("then").textContent}. ${$("claim").textContent}`);
+}

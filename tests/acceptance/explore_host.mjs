@@ -1,0 +1,46 @@
+// Runs the explorer of a page without a page: node explore_host.mjs EXPLORER.js CONTENTS JOBS ANSWERS
+// A job has settings (see Explorer.apply), and what is asked: `record`, `dives` (their number), and so on.
+import { readFileSync, writeFileSync } from "node:fs";
+import { pathToFileURL } from "node:url";
+import { Worker } from "node:worker_threads";
+
+const [script, contents, jobs, to] = process.argv.slice(2);
+const { Explorer } = await import(pathToFileURL(script));
+const read = (file) => JSON.parse(readFileSync(file, "utf8"));
+const textOf = (array) =>
+  Buffer.from(array.buffer, array.byteOffset, array.byteLength).toString("base64");
+const engine = new URL("../../wasm/engine.js", pathToFileURL(script));
+const worker = () => new Worker(
+  `import("${engine}").then(({ serve }) => serve(require("node:worker_threads").parentPort))`,
+  { eval: true });
+const explorers = {
+  here: await Explorer.open(read(contents)),
+  workers: await Explorer.open(read(contents), worker, 2),
+};
+for (const it of Object.values(explorers)) await it.loaded;
+
+async function answered({ settings, link, ask = [], steps = [], dives = 0, causes = 0, water, by = "here" }) {
+  const explorer = explorers[by];
+  explorer.reset();
+  const refused = explorer.apply(link ? Explorer.settingsOf(link) : settings ?? {});
+  const found = { refused, steps: steps.map(([name, ...rest]) => explorer[name](...rest)) };
+  if (refused !== null) return found;
+  for (const name of ask) {
+    if (name === "record") {
+      const { values } = explorer.record();
+      found.record = Object.fromEntries(
+        Object.entries(values).map(([key, it]) => [key, textOf(it)]));
+    } else found[name] = typeof explorer[name] === "function" ? explorer[name]() : explorer[name];
+  }
+  if (dives) found.dives = await explorer.dives(dives);
+  if (causes) found.causes = await explorer.causes(() => {}, causes);
+  if (water) found.water = await explorer.water(water);
+  return found;
+}
+
+const answers = [];
+for (const job of read(jobs)) answers.push(await answered(job));
+writeFileSync(to, JSON.stringify(answers, (_, it) =>
+  it instanceof Map ? Object.fromEntries(it) : it instanceof Float64Array ? [...it]
+    : it === Infinity ? "inf" : it));
+process.exit(0); // workers wait for more

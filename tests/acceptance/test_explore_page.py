@@ -1,0 +1,483 @@
+"""The page in which a scenario is explored, in a real browser without a network.
+
+Skipped where there is no Chromium or no compiler for WebAssembly.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import sblcosim
+from browser import BROWSER, Tab
+from sblcosim.comparison.many.run import run_many
+from sblcosim.errors import SblcosimError
+from sblcosim.explore.contents import contents
+from sblcosim.explore.page import render
+from sblcosim.fmus.build import compiler
+from sblcosim.scenario.scenario import load
+from sblcosim.tracks.place import Origin
+
+pytestmark = [
+    pytest.mark.skipif(BROWSER is None, reason="needs Chromium"),
+    pytest.mark.skipif(compiler.zig() is None, reason="needs ziglang"),
+    pytest.mark.filterwarnings("ignore"),
+]
+NAME, DIVES = "realistic-dive", 100
+HELPERS = """
+const $ = (id) => document.getElementById(id);
+const all = (selector) => [...document.querySelectorAll(selector)];
+const change = (control, value) => {
+  if (control.type === "checkbox") control.checked = value; else control.value = value;
+  for (const name of ["input", "change"]) control.dispatchEvent(new Event(name, { bubbles: true }));
+};
+const field = (path) => $("controls").querySelector(`[data-path="${path}"]`);
+const found = (path) => { change($("search"), path.split(".")[1].replaceAll("_", " "));
+  return $("found").querySelector(`[data-path="${path}"]`); };
+const settle = async () => { await frame(); await frame(); };
+const until = async (holds) => { for (let i = 0; i < 3000 && !holds(); i++) await sleep(20); };
+const computed = () => until(() => !document.body.classList.contains("computing"));
+"""
+GPX = """<gpx><trk><trkseg>
+<trkpt lat="42.5" lon="14.2"><ele>-3</ele></trkpt>
+<trkpt lat="42.5003" lon="14.2"></trkpt>
+<trkpt lat="42.5003" lon="14.1996"><ele>-7.5</ele></trkpt>
+</trkseg></trk></gpx>"""
+
+
+@pytest.fixture(scope="module")
+def told() -> Mapping[str, Any]:
+    return contents(load(NAME), ("coupled", "ekf"), lanes=(2,))
+
+
+@pytest.fixture(scope="module")
+def page(told: dict[str, Any], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("explore") / "explore.html"
+    file.write_text(render(told), "utf-8")
+    return file
+
+
+@pytest.fixture
+def browsing(page: Path, tmp_path: Path) -> Iterator[Callable[..., Tab]]:
+    """Open a page in a browser; in the end, it must not have complained, nor asked for more."""
+    tabs: list[Tab] = []
+
+    def open_(link: str = "", width: int = 1400, file: Path = page, **options: bool) -> Tab:
+        tab = Tab(tmp_path, width, 844 if width < 500 else 1000, **options)
+        tabs.append(tab)
+        tab.open(file, link.removeprefix("#"))
+        return tab
+
+    try:
+        yield open_
+        for tab in tabs:
+            assert tab.complaints == []
+            asked = {it.partition("#")[0] for it in tab.asked if not it.startswith("blob:")}
+            assert asked == {page.as_uri()}
+    finally:
+        for tab in tabs:
+            tab.close()
+
+
+def test_what_is_shown_are_the_numbers_of_the_command_line(
+    browsing: Callable[..., Tab], tmp_path: Path
+) -> None:
+    """Settings changed by hand: the verdict, the histogram's dives and the dive on the map."""
+    shown = browsing().run(f"""{HELPERS}
+      change($("count"), "{DIVES}");
+      const before = $("within").textContent;
+      change(field("acoustics.range_std_m").querySelector("input[type=range]"), 12);
+      change(field("platform.gps_grade").querySelector("select"), "sbas");
+      change(field("target.speed_m_s").querySelector("input[type=text]"), "0.55");
+      change($("seed"), "11");
+      await settle();
+      await until(() => $("so-far").textContent === "{DIVES} dives");
+      const [receiver] = page.stage.run.receivers, last = receiver.epoch.length - 1;
+      return {{ before, toml: page.explorer.toml(), command: $("command").textContent,
+        within: $("within").textContent, half: $("half").textContent,
+        others: all("#others dd").map((it) => it.textContent),
+        blue: all("#controls .changed").map((it) => it.dataset.path), which: $("which").textContent,
+        map: $("map").getAttribute("aria-label"),
+        last: ["x", "y", "z"].map((k) => receiver.position[k][last]) }};
+    """)
+    file = tmp_path / "scenario.toml"
+    file.write_text(shown["toml"])
+    assert shown["command"].startswith("sblcosim run ")
+    assert "--receiver coupled --receiver ekf" in shown["command"]
+    assert "11" in shown["which"]
+    result = sblcosim.run(file, ["coupled", "ekf"])
+    assert result.scenario.seed == 11
+    np.testing.assert_array_equal(result.judged["coupled"].estimates.position[-1], shown["last"])
+    many = run_many(load(file), ("coupled", "ekf"), runs=DIVES)
+    assert shown["within"] == f"{many.within_m['coupled']:.1f} m" != shown["before"]
+    assert shown["others"][0] == f"{many.within_m['ekf']:.1f} m"
+    assert {*shown["blue"]} >= {
+        "acoustics.range_std_m", "platform.gps_grade", "platform.gps_horizontal_markov_std_m",
+        "target.speed_m_s",
+    }
+
+
+def test_what_limits_the_receiver_and_what_to_buy_first_are_those_of_its_causes(
+    browsing: Callable[..., Tab]
+) -> None:
+    """A dive of one leg, so that it takes little time; with a GPS that decides everything."""
+    shown = browsing(json.dumps({"given": {
+        "target.waypoint_m": [5, -5, 4, 5, 5, 4], "platform.gps_horizontal_markov_std_m": 9.0,
+    }})).run(f"""{HELPERS}
+      change($("count"), "{DIVES}");
+      await computed();
+      const rows = all("#causes li").map((it) => [
+        ...[...it.querySelectorAll("b")].slice(0, 2).map((b) => b.textContent), it.textContent]);
+      const within = parseFloat($("within").textContent);
+      change(field("platform.gps_grade").querySelector("select"), "rtk_fixed");
+      await settle();
+      await computed();
+      return {{ rows, buy: $("buy").textContent, within, told: $("told").textContent,
+        note: $("causes-note").textContent }};
+    """)
+    assert shown["rows"][0][0] == "GPS"
+    assert float(shown["rows"][0][1].strip("− %")) > 50
+    assert "RTK GPS" in shown["rows"][0][2]
+    assert shown["within"] > 5
+    assert "RTK GPS" not in shown["buy"]  # it is bought
+    assert shown["buy"] in shown["told"]
+    assert "128 dives each" in shown["note"]
+
+
+def test_the_water_is_coloured_when_asked(browsing: Callable[..., Tab]) -> None:
+    shown = browsing(json.dumps({"receivers": ["ekf"]})).run(f"""{HELPERS}
+      const seen = () => {{
+        const {{ width, height }} = $("map");
+        const pen = new OffscreenCanvas(width, height).getContext("2d");
+        pen.drawImage($("map"), 0, 0);
+        const data = pen.getImageData(0, 0, width, height).data, found = new Set();
+        for (let i = 0; i < data.length; i += 4 * 97) found.add(data.slice(i, i + 3).join());
+        return found.size;
+      }};
+      const before = seen();
+      $("colour").click();
+      await until(() => / depth$/.test($("water-words").textContent));
+      const cells = page.water.cells, values = [...cells.values];
+      const coloured = [seen(), $("colour").getAttribute("aria-pressed"), $("water-scale").hidden];
+      change(field("acoustics.range_std_m").querySelector("input[type=text]"), "0.2");
+      await settle();
+      return {{ before, coloured, n: values.length, known: values.filter(Number.isFinite).length,
+        after: [page.stage.state.under, $("colour").getAttribute("aria-pressed"),
+          $("water-scale").hidden] }};
+    """)
+    assert shown["known"] == shown["n"] > 100
+    assert shown["coloured"][0] > 2 * shown["before"]
+    assert shown["coloured"][1:] == ["true", False]
+    assert shown["after"] == [None, "false", True]
+
+
+def test_a_worker_that_ends_is_replaced(page: Path, tmp_path: Path) -> None:
+    tab = Tab(tmp_path)
+    try:
+        tab.call("Page.addScriptToEvaluateOnNewDocument", source="""
+          window.workers = [];
+          window.Worker = class extends Worker {
+            constructor(...of) { super(...of); workers.push(this); }
+          };""")
+        tab.open(page)
+        shown = tab.run(f"""{HELPERS}
+          change($("count"), "{DIVES}");
+          await until(() => $("so-far").textContent === "{DIVES} dives");
+          const before = $("within").textContent, count = workers.length;
+          for (const it of workers)
+            it.dispatchEvent(new ErrorEvent("error", {{ message: "no memory" }}));
+          change($("count"), "400");
+          change($("count"), "{DIVES}");
+          await settle();
+          await until(() => $("so-far").textContent === "{DIVES} dives");
+          return [before, $("within").textContent, workers.length > count, $("problem").hidden];
+        """)
+    finally:
+        tab.close()
+    assert shown[0] == shown[1] != "…"
+    assert shown[2:] == [True, True]
+
+
+REFUSED = {
+    "acoustics.loss_probability": "1.5",
+    "platform.gps_horizontal_markov_std_m": "much",
+    "time.ekf_ratio": "1.5",
+    "time.sampling_time_s": "-1",
+    "acoustics.slot_order": "[1, 2, 9, 4]",
+    "platform.beacon_m": "[[0, 0, 1], [0, 0, 1]]",
+    "seed": "-1",
+}
+
+
+def test_nonsense_is_refused_beside_its_field_in_the_words_of_a_scenario_file(
+    browsing: Callable[..., Tab]
+) -> None:
+    shown = browsing().run(f"""{HELPERS}
+      const told = [];
+      for (const [path, text] of Object.entries({json.dumps(REFUSED)})) {{
+        const own = path === "seed" ? $("seed-field") : found(path);
+        const input = own.querySelector("input, select");
+        const toml = page.explorer.toml(), good = input.value;
+        const problem = own.querySelector(".refused");
+        change(input, text);
+        await settle();
+        const refused = [problem.hidden, input.value, input.getAttribute("aria-invalid"),
+          page.explorer.toml() === toml, input.getAttribute("aria-describedby") === problem.id];
+        const sentence = problem.textContent;
+        change(input, good);
+        await settle();
+        told.push([path, sentence, refused, [problem.hidden, input.getAttribute("aria-invalid")]]);
+      }}
+      return told;
+    """)
+    assert [path for path, *_ in shown] == [*REFUSED]
+    for path, sentence, refused, after in shown:
+        text = REFUSED[path]
+        with pytest.raises(SblcosimError) as why:
+            load(NAME, {path: json.loads(text) if text[0] in "[-1" else text})
+        assert str(why.value).partition(": ")[2].partition(", got")[0] in sentence, path
+        assert refused == [False, text, "true", True, True], path
+        assert after == [True, "false"], path
+
+
+def test_a_contradiction_stays_beside_its_field_until_another_key_resolves_it(
+    browsing: Callable[..., Tab]
+) -> None:
+    shown = browsing().run(f"""{HELPERS}
+      const packet = found("acoustics.packet_duration_s");
+      const told = () => packet.querySelector(".refused").textContent;
+      const set = async (path, text) => {{
+        change(field(path).querySelector("input[type=text]"), text);
+        await settle();
+        const own = field(path).querySelector(".refused");
+        return [own.hidden, page.explorer.value(path), told(),
+          page.explorer.given.get("acoustics.packet_duration_s") ?? null];
+      }};
+      change(packet.querySelector("input"), "4");
+      await settle();
+      const refused = told();
+      return {{ refused, other: await set("acoustics.loss_probability", "0.4"),
+        solved: await set("time.sampling_time_s", "5") }};
+    """)
+    assert "at most the time between pings, 1 s, got 4 s" in shown["refused"]
+    assert shown["other"] == [True, 0.4, shown["refused"], None]
+    assert shown["solved"] == [True, 5.0, "", 4.0]
+
+
+def test_every_key_of_a_scenario_has_a_field_that_shows_its_value(
+    told: Mapping[str, Any], browsing: Callable[..., Tab]
+) -> None:
+    shown = browsing().run(f"""{HELPERS}
+      return page.explorer.keys.map((key) => {{
+        const own = found(key.path);
+        const control = own?.querySelector("input, select");
+        return [key.path, control?.type === "checkbox" ? control.checked : control?.value,
+          page.explorer.value(key.path), own?.textContent.includes(key.words)];
+      }});
+    """)
+    assert [path for path, *_ in shown] == [key["path"] for key in told["keys"]]
+    for path, text, value, words in shown:
+        assert words, path
+        if isinstance(value, bool):
+            assert text is value, path
+        elif isinstance(value, (int, float)):
+            assert float(text) == value, path
+
+
+def test_a_link_carries_all_settings(browsing: Callable[..., Tab]) -> None:
+    changes = {"platform.beaufort": 5, "acoustics.loss_probability": 0.4, "time.ekf_ratio": 4,
+               "platform.imu_grade": "tactical", "acoustics.motion_during_travel": False}
+    typed = {path: str(value).lower() for path, value in changes.items()}
+    first = browsing().run(f"""{HELPERS}
+      for (const [path, text] of Object.entries({json.dumps(typed)})) {{
+        const input = found(path).querySelector("input, select");
+        change(input, input.type === "checkbox" ? text === "true" : text);
+      }}
+      change($("seed"), "23");
+      change($("main-receiver"), "ekf");
+      await settle();
+      return [page.explorer.link(), page.explorer.toml(), $("command").textContent,
+        page.changes.all];
+    """)
+    assert {*changes} <= {*first[3]}
+    again = browsing(first[0]).run(f"""{HELPERS}
+      const told = [page.explorer.link(), page.explorer.toml(), $("command").textContent,
+        page.changes.all, $("reset-all").hidden];
+      $("reset-all").click();
+      await settle();
+      return [...told, page.explorer.link(), all(".changed").length, $("reset-all").hidden];
+    """)
+    assert again[:4] == first
+    assert again[4:] == [False, "", 0, True]
+
+
+def test_a_link_that_does_not_fit_says_why(browsing: Callable[..., Tab]) -> None:
+    link = json.dumps({"given": {"acoustics.loss_probability": 3}})
+    shown = browsing(link).run(f"""{HELPERS}
+      return [$("problem").textContent, page.explorer.link()];
+    """)
+    assert "must be at most 1.0, got 3" in shown[0]
+    assert shown[1] == ""
+
+
+def test_beacons_and_sliders_can_be_moved_by_keys(browsing: Callable[..., Tab]) -> None:
+    tab = browsing()
+    tab.run(f"{HELPERS} all('#beacons-picture .beacon')[0].focus();")
+    for _ in range(3):
+        tab.key("ArrowRight")
+        tab.run(f"{HELPERS} await settle();")
+    arms = tab.run("return [page.explorer.arms, document.activeElement.getAttribute('aria-label')]")
+    assert arms[0][0] == [3.0, 0.3, 0.5]
+    assert "0.3 m right" in arms[1]
+    tab.run(f"{HELPERS} field('acoustics.loss_probability').querySelector('[type=range]').focus();")
+    tab.key("ArrowRight")
+    value = "return page.explorer.value('acoustics.loss_probability')"
+    lost = tab.run(f"{HELPERS} await settle(); {value}")
+    assert lost == 0.3
+    back = tab.run(f"""{HELPERS} field('acoustics.loss_probability').querySelector('.back').click();
+      $("reset-beacons").click(); await settle();
+      return [page.explorer.value('acoustics.loss_probability'), page.explorer.link()]""")
+    assert back == [0.25, ""]
+
+
+def test_beacons_are_dragged_and_a_path_is_drawn(
+    browsing: Callable[..., Tab], tmp_path: Path
+) -> None:
+    tab = browsing()
+    x, y = tab.run(f"""{HELPERS}
+      $("beacons-picture").scrollIntoView({{ block: "center" }});
+      const box = all("#beacons-picture circle:not(.reach)")[1].getBoundingClientRect();
+      return [box.left + box.width / 2, box.top + box.height / 2];
+    """)
+    tab.drag((x, y), (x - 10, y), (x - 20, y + 15))
+    arms = tab.run(f"{HELPERS} await settle(); return page.explorer.arms")
+    assert arms[1][1] < 2.9
+    assert arms[1][0] < -0.1
+    box = tab.run(f"""{HELPERS} $("dive").scrollIntoView(); change($("path-depth"), "4.5");
+      $("draw").click(); await settle();
+      const {{ left, top }} = $("sketch").getBoundingClientRect(); return [left, top]""")
+    places = [(60, 60), (200, 60), (340, 300)]
+    tab.drag(*((box[0] + px, box[1] + py) for px, py in places))
+    shown = tab.run(f"""{HELPERS} const view = page.stage.view;
+      const wanted = {json.dumps(places)}.map((it) => view.under(...it));
+      $("draw").click(); await settle(); return {{ wanted, points: page.explorer.pathPoints,
+        toml: page.explorer.toml(), hidden: $("sketch").hasAttribute("hidden") }}""")
+    assert shown["hidden"]
+    points = np.array(shown["points"])
+    assert np.all(points[:, 2] == 4.5)
+    np.testing.assert_allclose(points[:, :2], shown["wanted"], atol=0.01)
+    (tmp_path / "scenario.toml").write_text(shown["toml"])
+    assert [*load(tmp_path / "scenario.toml").target.waypoint_m][: points.size] == [*points.ravel()]
+
+
+def test_paths_are_read_from_files(browsing: Callable[..., Tab]) -> None:
+    shown = browsing().run(f"""{HELPERS}
+      const open = async (name, text) => {{
+        await page.path.open(new File([text], name));
+        await settle();
+        const problem = $("path-problem");
+        return [page.explorer.pathPoints, problem.hidden ? "" : problem.textContent];
+      }};
+      return [
+        await open("a.csv", "time_s,north_m,east_m,down_m\\n0,1,2,3\\n9,4.5,-5,6\\n"),
+        await open("b.gpx", {json.dumps(GPX)}),
+        await open("c.csv", "a,b\\n1,2\\n"),
+        await open("d.csv", "north_m;east_m;down_m\\n1;2;3\\n4;x;6\\n"),
+        await open("e.gpx", "<gpx"),
+      ];
+    """)
+    assert shown[0] == [[[1.0, 2.0, 3.0], [4.5, -5.0, 6.0]], ""]
+    geographic = np.array([[42.5, 14.2, -3.0], [42.5003, 14.2, -4.5], [42.5003, 14.1996, -7.5]])
+    there = Origin(42.5, 14.2, 0.0).local(geographic)
+    np.testing.assert_allclose(np.array(shown[1][0])[:, :2], there[:, :2], atol=0.02)
+    np.testing.assert_allclose(np.array(shown[1][0])[[0, 2], 2], [3.0, 7.5])
+    assert "c.csv: must have the columns north_m, east_m, down_m or" in shown[2][1]
+    assert "d.csv: line 3: east_m must be a number, got 'x'" in shown[3][1]
+    assert "e.gpx: must be a whole GPX file" in shown[4][1]
+    assert shown[4][0] == shown[1][0]
+
+
+@pytest.mark.parametrize("dark", [False, True])
+@pytest.mark.parametrize("width", [1400, 390])
+def test_the_page_fits_its_window_and_every_control_has_a_name(
+    width: int, dark: bool, browsing: Callable[..., Tab]
+) -> None:
+    shown = browsing(width=width, dark=dark, touch=width < 500).run(f"""{HELPERS}
+      change($("search"), "gps");
+      await settle();
+      const named = (it) => it.getAttribute("aria-label") || it.labels?.[0]?.textContent.trim()
+        || (it.tagName === "BUTTON" && it.textContent.trim());
+      const visible = all("button, input, select, textarea, canvas, [tabindex]")
+        .filter((it) => it.checkVisibility() && it.tagName !== "PRE");
+      return {{ wide: document.documentElement.scrollWidth, count: visible.length,
+        nameless: visible.filter((it) => !named(it)).map((it) => it.outerHTML),
+        paper: getComputedStyle(document.querySelector("section")).backgroundColor,
+        canvases: all("canvas").map((it) => it.width) }};
+    """)
+    assert shown["wide"] <= width
+    assert shown["count"] > 40
+    assert shown["nameless"] == []
+    assert shown["paper"] == ("rgb(20, 23, 26)" if dark else "rgb(255, 255, 255)")
+    assert min(shown["canvases"]) > 100
+
+
+def test_a_browser_without_webassembly_gets_a_sentence(page: Path, tmp_path: Path) -> None:
+    tab = Tab(tmp_path)
+    try:
+        tab.call("Page.addScriptToEvaluateOnNewDocument", source="delete globalThis.WebAssembly")
+        tab.call("Page.navigate", url=page.as_uri())
+        problem = tab.run(f"{HELPERS} await until(() => $('problem')?.textContent); "
+                          "return $('problem').textContent")
+    finally:
+        tab.close()
+    assert problem == "This page cannot simulate here: this browser has no WebAssembly"
+
+
+@pytest.mark.slow
+def test_pages_have_other_numbers_of_beacons_and_modules_for_browsers_without_vectors(
+    tmp_path: Path
+) -> None:
+    """Such a browser refuses to compile modules with vectors: the smaller ones take their place."""
+    told = contents(load(NAME), ("ekf",), beacons=(5,))
+    file, files = tmp_path / "explore.html", []
+    file.write_text(render(told), "utf-8")
+    for refused in ("", """
+          const compile = WebAssembly.compile;
+          WebAssembly.compile = async (bytes) => {
+            const module = await compile(bytes);
+            const [own] = WebAssembly.Module.customSections(module, "sblcosim");
+            if (own && JSON.parse(new TextDecoder().decode(own)).lanes > 1)
+              throw new WebAssembly.CompileError("no vectors");
+            return module;
+          };"""):
+        tab = Tab(tmp_path)
+        try:
+            tab.call("Page.addScriptToEvaluateOnNewDocument", source=refused)
+            tab.open(file)
+            files.append(tab.run(f"""{HELPERS}
+              change($("count"), "{DIVES}");
+              $("add-beacon").click();
+              await until(() => all("#beacons-rows tr").length === 5);
+              await settle();
+              await until(() => $("so-far").textContent === "{DIVES} dives");
+              const [receiver] = page.stage.run.receivers;
+              return [page.explorer.toml(), page.explorer.arms.length, $("within").textContent,
+                $("add-beacon").disabled, [...receiver.position.x]];
+            """))
+            assert tab.complaints == []
+        finally:
+            tab.close()
+    (toml, arms, within, last, north), other = files
+    assert other == files[0]
+    assert arms == 5
+    assert last  # there are no modules for six
+    scenario = tmp_path / "scenario.toml"
+    scenario.write_text(toml)
+    result = sblcosim.run(scenario, ["ekf"])
+    np.testing.assert_array_equal(result.judged["ekf"].estimates.position[:, 0], north)
+    many = run_many(load(scenario), ("ekf",), runs=DIVES)
+    assert within == f"{many.within_m['ekf']:.1f} m"
