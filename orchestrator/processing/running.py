@@ -12,7 +12,6 @@ from sblcosim.models.receiver.variables import INITIALISATION
 
 from ..data.estimates import Estimates, Floats
 from ..data.record import Record
-from ..data.truth import Truth
 from ..errors import FmuError
 from ..logs.log import Log
 from ..prepare.prepared import origins_of
@@ -119,11 +118,6 @@ def placed(estimates: Estimates, start_ns: int, origin: Floats) -> Estimates:
         platform_position=None if estimates.platform_position is None
         else estimates.platform_position + origin,
     )
-
-
-def truth_from_start(truth: Truth, start_ns: int, origin: Floats) -> Truth:
-    """A truth in the times and coordinates of the ticks."""
-    return replace(truth, time_ns=truth.time_ns - start_ns, position=truth.position - origin)
 
 
 def _ports(log: Log, settled: Settled) -> Played:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import itertools
 import pkgutil
 import random
 import subprocess
@@ -12,6 +13,7 @@ from importlib import import_module
 from types import SimpleNamespace
 from typing import Any
 
+import as_recorded
 import casadi as ca
 import numpy as np
 import pytest
@@ -219,6 +221,40 @@ def test_every_setting_function_is_tried() -> None:
             and value.__module__ == content.__name__
         }
     assert found == {*TRIED, *CHOICES}
+
+
+# --- Values as recorded ---------------------------------------------------------------------------
+
+
+PATHS = ("square", "spiral", "random_path")
+"""Trajectories, one for each kind of ranging."""
+
+
+def full(name: str, ranging: str, trajectory: str) -> Tables:
+    """A shipped scenario in which no real number is 0; a key's number depends on no other key."""
+    tables = tables_of(name)
+    for path, variable in REAL.items():
+        table, _, key = path.partition(".")
+        one, value = one_of(random.Random(path), variable), value_of(tables, path)
+        setattr(getattr(tables, table), key,
+                tuple(one() for _ in value) if isinstance(value, tuple) else one())
+    tables.acoustics.ranging = ranging
+    tables.target.trajectory = trajectory
+    return tables
+
+
+@pytest.mark.parametrize("name", ["gps-buoys", "harbour-lbl", "realistic-sea"])
+def test_each_setting_function_gives_the_recorded_numbers(name: str) -> None:
+    """Those of shipped scenarios alone would not show what is 0 there."""
+    found: dict[str, Any] = {}
+    for how, (which, function) in itertools.product(
+        zip(RANGINGS, PATHS, strict=True), TRIED.items()
+    ):
+        results = [value for _, value in flat(function(full(name, *how)))]
+        numbers = [float(value) for value in results if not isinstance(value, str)]
+        words = [value for value in results if isinstance(value, str)]
+        found[f"{how[0]} {which}"] = [*as_recorded.digest_of_all([[numbers]]), *words]
+    as_recorded.check(f"setting functions {name}", found)
 
 
 # --- Values and derivatives ----------------------------------------------------------------------

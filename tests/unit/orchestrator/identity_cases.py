@@ -359,6 +359,14 @@ CHANGES: dict[str, tuple[str | Files, tuple[str, str]]] = {
         {"m": "import helper\nhelper.X = VALUE\ndef target(m=helper): return m.X\n",
          "helper": "X = 0\n"}, ONE_TWO,
     ),
+    "value of a module that is handed on": (
+        {"m": "import helper\nhelper.X = VALUE\ndef f(m): return m.X\n"
+              "def target(): return f(helper)\n", "helper": "X = 0\n"}, ONE_TWO,
+    ),
+    "value among those of a module": (
+        {"m": "import helper\nhelper.X = VALUE\ndef target(): return helper.__dict__['X']\n",
+         "helper": "X = 0\n"}, ONE_TWO,
+    ),
     "module in a closure": (
         {"m": "def of():\n    import helper\n    helper.X = VALUE\n    def f(): return helper.X\n"
               "    return f\ntarget = of()\n", "helper": "X = 0\n"}, ONE_TWO,
@@ -555,6 +563,10 @@ SAME: dict[str, tuple[str | Files, tuple[str, str]]] = {
     "other modules": (
         {"m": "VALUE\ndef target(): return 1\n", "helper": "X = 1\n"}, ("", "import helper"),
     ),
+    "another value of a module": (
+        {"m": "import helper\nhelper.Y = VALUE\ndef target(): return helper.X\n",
+         "helper": "X = 1\nY = 0\n"}, ONE_TWO,
+    ),
     "another function of a module": (
         {"m": "from helper import f\ndef target(): return f()\n",
          "helper": "def f(): return 1\ndef g(): return VALUE\n"}, ONE_TWO,
@@ -671,6 +683,13 @@ IMPORTS: dict[str, tuple[Files, tuple[str, str]]] = {
 OTHER_FILES: dict[str, tuple[Files, tuple[str, str]]] = {
     "file that is not imported": (
         {"m": "def target(): return 1\n", "helper": "X = VALUE\n"}, ONE_TWO,
+    ),
+    "file whose name is handed to another function": (
+        {"m": "def target(): return len('helper')\n", "helper": "X = VALUE\n"}, ONE_TWO,
+    ),
+    "number that is handed to a function of the same name": (
+        {"m": "def import_module(n): return n\ndef target(): return import_module(VALUE)\n"},
+        ("1", "1"),
     ),
     "another function's module is there or not": (
         {"m": "import helper\ndef target(): return helper.X\n", "helper": "X = 1\n",

@@ -277,11 +277,12 @@ def test_the_percentile_is_that_of_the_weighted_errors_of_the_neighbours() -> No
         assert found[row * 7 + column] == pytest.approx(exact * scale[row * 7 + column], rel=0.01)
 
 
-def test_a_percentile_is_finer_than_the_bins_it_is_counted_in() -> None:
+@pytest.mark.parametrize("least", [-7.0, 0.0, 7.0])
+def test_a_percentile_is_finer_than_the_bins_it_is_counted_in(least: float) -> None:
     """Of lengths whose logarithms are even over 70 bins of 0.01, 66 and a half bins from below."""
-    lengths_ = np.exp(np.linspace(0, 0.7, 20_000).reshape(2000, 10))
+    lengths_ = np.exp(least + np.linspace(0, 0.7, 20_000).reshape(2000, 10))
     found = pooling.pooled(sample_of(lengths_, 1, 2000), np.ones(1), (1, 1), 1, reach=0)
-    assert np.log(found.percentile[0]) == pytest.approx(0.95 * 0.7, abs=1e-4)
+    assert np.log(found.percentile[0]) == pytest.approx(least + 0.95 * 0.7, abs=1e-4)
 
 
 def test_the_standard_error_is_that_of_new_runs_and_counts_a_run_once() -> None:
@@ -915,6 +916,32 @@ def test_the_standard_error_is_in_the_unit_of_its_cell() -> None:
     unknown = np.where(np.arange(24) == 7, np.nan, 1.0)
     same = pooling.pooled(sample_of(multiples, 24, 20), unknown, (4, 6), 3)
     np.testing.assert_array_equal(same.std_error, one.std_error)
+
+
+def test_the_standard_error_is_that_of_the_same_draws_counted_one_by_one() -> None:
+    """Also where a draw's percentile lies far out: such draws count as `_AROUND` away."""
+    draw = np.random.default_rng(9)
+    lengths_ = np.sort(draw.rayleigh(1.0, (2, 60, 10)), axis=2)
+    lengths_[0, :2] = 40.0  # 3 % of the errors, and more than 5 % in some of the draws
+    lengths_[1, :1] = 1e-9
+    sample = sample_of(lengths_.reshape(120, 10), 2, 60)
+    found = pooling.pooled(sample, np.ones(2), (1, 2), 4, reach=0)
+
+    def percentile(cell: int, times: Any) -> float:
+        order = np.argsort(lengths_[cell], axis=None)
+        below = np.cumsum(np.repeat(times, 10)[order])
+        return float(lengths_[cell].ravel()[order][np.searchsorted(below, 0.95 * below[-1])])
+
+    middle = [percentile(cell, np.ones(60)) for cell in range(2)]
+    np.testing.assert_allclose(found.percentile, middle, rtol=0.01)
+    farthest = np.e * max(middle)
+    drawn = []
+    for number in range(pooling.DRAWS):
+        draws = np.random.Generator(np.random.Philox(key=[4, number])).poisson(1.0, 120)
+        each = [percentile(cell, draws.reshape(2, 60)[cell]) for cell in range(2)]
+        drawn.append(np.minimum(each, farthest))
+    assert 3 < sum(it[0] == farthest for it in drawn) < 30
+    np.testing.assert_allclose(found.std_error, np.std(drawn, axis=0, ddof=1), rtol=0.04)
 
 
 def test_cells_with_more_runs_than_others_count_each_run_once() -> None:

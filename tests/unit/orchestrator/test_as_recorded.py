@@ -32,6 +32,7 @@ from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.declaration import Component, Variable
 from sblcosim.models.settings.presets import PRESET_TABLES, PRESET_VALUES
 from sblcosim.results.figures import maps
+from sblcosim.scenario.likes import LIKES
 from sblcosim.scenario.scenario import Scenario, load, shipped
 from sblcosim.scenario.wiring import connect
 from sblcosim.simulation.masters import lanes
@@ -210,6 +211,15 @@ def test_what_follows_from_each_choice_is_as_recorded(name: str) -> None:
         except ConfigurationError as error:
             found[said] = str(error)
     as_recorded.check(f"settings {name}", found)
+
+
+def test_the_systems_to_begin_with_are_as_recorded() -> None:
+    """Parameters of all components of each."""
+    found = {
+        name: parameters(quietly(lambda it=it: load(it.source)), ["coupled", "long_baseline"])
+        for name, it in LIKES.items()
+    }
+    as_recorded.check("likes", found)
 
 
 def drawn(seed: int, *shape: int) -> Any:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import log_samples
@@ -98,6 +98,25 @@ def test_the_hash_tells_logs_apart_but_not_their_names_and_lines(tmp_path: Path)
     moved = replace(log.receptions, line=log.receptions.line + 1)
     named = log.meta.model_copy(update={"name": "x"})
     assert replace(log, receptions=moved, meta=named, name="x").sha256() == log.sha256()
+
+
+def test_every_number_and_the_shape_of_every_table_is_in_the_hash(tmp_path: Path) -> None:
+    log = sample("own", tmp_path / "own")
+    ((name, fixes),) = log.fixes.items()
+    known = {log.sha256()}
+    for part, table in (("receptions", log.receptions), ("truth", log.truth), ("fixes", fixes)):
+        assert table is not None
+        for field in fields(table):
+            old = getattr(table, field.name)
+            if field.name == "line" or not isinstance(old, np.ndarray):
+                continue
+            new = replace(table, **{field.name: ~old if old.dtype == bool else old + 1000})
+            hashed = replace(log, **{part: {name: new} if part == "fixes" else new}).sha256()
+            assert hashed not in known, (part, field.name)
+            known.add(hashed)
+    # The last time as the first depth: the same bytes in other arrays.
+    shifted = replace(log, depth_ns=log.depth_ns[:-1], depth=np.r_[log.depth_ns[-1], log.depth])
+    assert shifted.sha256() not in known
 
 
 def test_only_what_there_is_gets_a_file(tmp_path: Path) -> None:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 from typing import Any
 
+import numpy as np
 import pytest
 import sblcosim
 from sblcosim.cli.common.app import app
 from sblcosim.errors import ConfigurationWarning
 from sblcosim.models import RECEIVERS
+from sblcosim.scenario.arrangement import degenerate
 from sblcosim.scenario.doubts import PURPOSES, doubts
 from sblcosim.scenario.likes import LIKES
 from sblcosim.scenario.scenario import load, shipped
@@ -130,3 +132,22 @@ def test_the_list_of_receivers_says_what_each_is_for() -> None:
         assert words in shown
     document = json.loads(CliRunner().invoke(app, ["receivers", "--json"]).stdout)
     assert {r["name"]: r["purpose"] for r in document["receivers"]} == dict(PURPOSES)
+
+
+@pytest.mark.parametrize("away", [(0.0, 0.0), (40.0, 0.0), (0.0, 40.0)])
+@pytest.mark.parametrize("angle", [0.0, 35.0, 90.0])
+def test_what_is_said_of_a_line_of_beacons_is_the_same_elsewhere(
+    angle: float, away: tuple[float, float]
+) -> None:
+    turn = np.radians(angle)
+    ahead = np.array([np.cos(turn), np.sin(turn), 0.0])
+    aside = np.array([-np.sin(turn), np.cos(turn), 0.0])
+    place = np.array([*away, 1.0])
+    on_line = np.array([place + s * ahead for s in (-3.0, -1.0, 1.0, 3.0)])
+    for off, words in ((0.0, "are on one line"), (0.1, "are nearly on one line"), (0.6, None)):
+        said = degenerate(tuple((on_line + np.outer([off, -off, -off, off], aside)).ravel()))
+        if words is None:
+            assert said is None
+        else:
+            assert said is not None
+            assert f"seen from above the beacons {words}, {angle:.0f}° from forward" in said

@@ -259,6 +259,16 @@ def test_positions_that_are_few_or_do_not_change_have_no_parts() -> None:
     assert parts([(time[:10], wandering(1, 0.1, 1.0, 40.0)[:10])]) is None
 
 
+def test_a_carrier_that_does_not_move_says_nothing_of_the_others() -> None:
+    time = np.arange(60.0)
+    walk = (time, wandering(2, 0.3, 1.0, 9.0, n=60))
+    alone, beside = parts([walk]), parts([walk, (time, np.ones((60, 2)))])
+    assert alone is not None
+    assert beside is not None
+    assert beside.at.tolist() == alone.at.tolist()
+    assert beside.span_s == alone.span_s == 2 * 59.0
+
+
 @pytest.mark.parametrize("frequency", [0.004, 0.3])
 def test_swings_of_a_known_frequency_do_not_count_as_errors(frequency: float) -> None:
     time = np.arange(200.0)

@@ -14,6 +14,7 @@ import pytest
 import sblcosim
 from sblcosim import require
 from sblcosim.report import study as reports
+from sblcosim.report.two_level import box_cox_sentence
 from sblcosim.study import runner, store
 from sblcosim.study.study import load
 from seams import Seam
@@ -418,3 +419,27 @@ def test_designs_of_an_answer(tmp_path: Path) -> None:
         low, high = (expected[sign] for sign in "≥≤")
         assert not low > row.estimate
         assert not high < row.estimate
+
+
+@pytest.mark.parametrize(("best", "inside", "words"), [
+    (0.5, (0.0, 1.0), "interval 0 to 1; the response suits the model as it is"),
+    (0.5, (0.5, 1.0), "interval 0.5 to 1; the response suits the model as it is"),
+    (0.0, (-0.5, 0.5), "interval -0.5 to 0.5; its logarithm would suit the model"),
+    (-0.5, (-0.5, 0.0), "interval -0.5 to 0; its logarithm would suit the model"),
+    (-1.0, (-2.0, -0.5), "interval -2 or below to -0.5; its logarithm suits the model better than "
+                         "the response itself"),
+    (0.0, (0.5, 0.5), "interval 0.5 to 0.5; its logarithm suits the model better than the response "
+                      "itself"),
+    (1.5, (1.5, 2.0), "interval 1.5 to 2 or above; the response itself suits the model better than "
+                      "its logarithm"),
+])  # fmt: skip
+def test_the_advice_on_a_power_follows_from_its_interval(
+    best: float, inside: tuple[float, float], words: str
+) -> None:
+    powers = np.arange(-2.0, 2.25, 0.5)
+    profile = pd.DataFrame({
+        "lambda": powers, "log_likelihood": -((powers - best) ** 2),
+        "inside": (powers >= inside[0]) & (powers <= inside[1]),
+    })
+    said = box_cox_sentence(profile).replace("\N{NO-BREAK SPACE}", " ").replace("−", "-")
+    assert said == f"Box–Cox: λ = {best:.2g}, {words}."
