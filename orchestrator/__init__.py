@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from .errors import ConfigurationError, FmuError, SblcosimError
     from .estimation.after import Smoothed, smooth
     from .export.container import export_fmu
+    from .export.firmware import export_firmware
     from .export.ssp import export_ssp
     from .identification.result import Identified
     from .identification.run import identify
@@ -62,6 +63,7 @@ __all__ = [
     "analysis",
     "budget",
     "compare",
+    "export_firmware",
     "export_fmu",
     "export_ssp",
     "identify",
@@ -108,6 +110,7 @@ if not TYPE_CHECKING:  # a type checker would accept any name
             "analysis": "",
             "budget": "comparison.budget.run",
             "compare": "comparison.tournament.run",
+            "export_firmware": "export.firmware",
             "export_fmu": "export.container",
             "export_ssp": "export.ssp",
             "identify": "identification.run",

@@ -13,6 +13,13 @@ LANES = ("lanes.h", "lanes.c", "dispatch.c", "widest.h")
 """The entry for many simulations side by side."""
 WASM = ("wasm.c", "freestanding.h")
 """The entry of a component as WebAssembly, and what it needs in place of a C library."""
+FIRMWARE = ("firmware.c", "soft_sqrt.h")
+"""A receiver without FMI, for a microcontroller."""
+SELFTEST: Mapping[str, str] = {
+    "selftest.c": "firmware_selftest.c", "measure.h": "firmware_measure.h",
+    "board.c": "firmware_board.c", "board.ld": "firmware_board.ld",
+}
+"""Its self-test and the start of a program on a board, by their names in its folder."""
 BOUND = ("bound.c", "bound.h", "elementary.h", "real.h", "widest.h")
 """The recursion of a bound."""
 HEADERS = (

@@ -4,16 +4,53 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import partial
 
 import casadi as ca
 from sblcosim.models.equations import Functions, Model
 
-from .straight_line import Array, statements
+from .folding import Few
+from .rolling import Rolled
+from .straight_line import NOWHERE, Array, Computation, constant, statements
 from .tables import draw_blocks, draw_tables, noise_size
 
 _UP = "const real *u, const real *p"
 _XUP = f"const real *x, {_UP}"
+
+
+@dataclass(frozen=True, slots=True)
+class Fixed(Model):
+    """A model whose parameters are known when it is compiled; `fmus.build.fixed` makes it.
+
+    Attributes
+    ----------
+    parameters
+        Values of the elements of all parameters.
+    few
+        All values of states that have few.
+    unread
+        States that nothing reads; they have no place.
+    rows
+        Number of rows that a loop goes through, by its name, where that is less than it declares.
+    apart
+        Rows of a loop that have code of their own, as most of their states have no place.
+    """
+
+    parameters: Sequence[float] = ()
+    few: Mapping[int, Few] = field(default_factory=dict)
+    unread: frozenset[int] = frozenset()
+    rows: Mapping[str, int] = field(default_factory=dict)
+    apart: Mapping[str, Sequence[int]] = field(default_factory=dict)
+
+    @property
+    def constants(self) -> dict[int, float]:
+        """States that always have the same value, and that value."""
+        return {i: float.fromhex(min(few)) for i, few in self.few.items() if len(few) == 1}
+
+    def together(self, loop: str) -> list[int]:
+        """Rows of a loop that share their code."""
+        return [n for n in range(rows_of(self, loop)) if n not in self.apart.get(loop, ())]
 
 
 def model_source(model: Model) -> str:
@@ -53,11 +90,12 @@ def _parameter_indices(model: Model) -> dict[str, int]:
 def _sizes(model: Model, n_blocks: int) -> dict[str, int]:
     """The constants of the engine by name; -1 for a parameter that the component does not have."""
     component = model.component
-    indices = _parameter_indices(model)
+    fixed = isinstance(model, Fixed)
+    indices = {} if fixed else _parameter_indices(model)
     n_outputs = sum(v.size for v in component.of("output"))
     return {
         "COMPONENT_NUMBER": component.number,
-        "N_P": sum(v.size for v in component.of("parameter")),
+        "N_P": 0 if fixed else sum(v.size for v in component.of("parameter")),
         "N_U": sum(v.size for v in component.of("input")),
         "N_Y": n_outputs,
         "N_X": max([n_outputs, *(index + 1 for index in state_indices(model))]),
@@ -78,7 +116,8 @@ def _sizes(model: Model, n_blocks: int) -> dict[str, int]:
 def state_indices(model: Model) -> list[int]:
     """Index of each state in ``x``, the array of all outputs and, after them, of the states.
 
-    A state that equals an output in all variants is stored in that output.
+    A state that equals an output in all variants is stored in that output. A state of a `Fixed`
+    model that nothing reads has the index -1.
     """
     shown = set.intersection(*map(_shown, (f.output for f in model.variants.values())))
     in_rows = {  # rows of a state must be one after another
@@ -91,8 +130,10 @@ def state_indices(model: Model) -> list[int]:
             indices.setdefault(state, output)
     n_outputs = sum(v.size for v in model.component.of("output"))
     n_states = sum(rows * columns for rows, columns in model.states.values())
-    hidden = [state for state in range(n_states) if state not in indices]
+    unread = model.unread if isinstance(model, Fixed) else frozenset()
+    hidden = [state for state in range(n_states) if state not in indices and state not in unread]
     indices |= {state: n_outputs + i for i, state in enumerate(hidden)}
+    indices |= {state: -1 for state in unread if state not in indices}
     return [indices[state] for state in range(n_states)]
 
 
@@ -163,16 +204,37 @@ def _looked_up(functions: Functions, occasion: str, arguments: Sequence[Array]) 
     return lines
 
 
+def _stored(model: Model) -> list[str]:
+    """The places of the states in C."""
+    return [f"x[{index}]" if index >= 0 else NOWHERE for index in state_indices(model)]
+
+
 def _x(model: Model) -> list[str]:
-    """The states in C."""
-    return [f"x[{index}]" for index in state_indices(model)]
+    """The states in C, as they are read."""
+    x = _stored(model)
+    for state, value in (model.constants if isinstance(model, Fixed) else {}).items():
+        x[state] = constant(value)
+    return x
+
+
+def _numbers(model: Model) -> Array:
+    """The parameters in C."""
+    return [constant(value) for value in model.parameters] if isinstance(model, Fixed) else "p"
+
+
+def _kind(model: Model) -> Callable[[], Computation]:
+    """How values of its functions follow from each other."""
+    if not isinstance(model, Fixed):
+        return Computation
+    stored = _stored(model)
+    return partial(Rolled, {stored[state]: few for state, few in model.few.items()})
 
 
 def _equations(model: Model) -> Iterator[str]:
     """Functions of an engine for the start, the ticks and the outputs."""
-    x = _x(model)
+    x, p, stored = _x(model), _numbers(model), _stored(model)
     y = [f"x[{i}]" for i in range(sum(v.size for v in model.component.of("output")))]
-    initial = _printed(model, lambda f: f.initial, ["p", "w", ["t"]], x, "", ("initial", ["p"]))
+    initial = _printed(model, lambda f: f.initial, [p, "w", ["t"]], stored, "", ("initial", [p]))
     for value, functions in model.variants.items():
         constant = _constants(functions.output)
         initial[value] += [f"{y[i]} = r_set1({number.hex()});" for i, number in constant.items()]
@@ -184,14 +246,15 @@ def _equations(model: Model) -> Iterator[str]:
     yield _variants(
         "model_tick(int variant, real *x, const real *u, const real *p, const real *w, real t, "
         "real k)",
-        _printed(model, lambda f: f.tick, [x, "u", "p", "w", ["t"], ["k"]], x),
+        _printed(model, lambda f: f.tick, [x, "u", p, "w", ["t"], ["k"]], stored),
         ["x", "u", "p", "w", "t", "k"],
     )
     yield _variants(
         "model_output(int variant, real *x, const real *u, const real *p, real t)",
         {
             value: statements(
-                functions.output, [x, "u", "p", ["t"]], y, without=_constants(functions.output)
+                functions.output, [x, "u", p, ["t"]], y, without=_constants(functions.output),
+                kind=_kind(model),
             )
             for value, functions in model.variants.items()
         },
@@ -201,7 +264,7 @@ def _equations(model: Model) -> Iterator[str]:
 
 def _loops(model: Model) -> Iterator[str]:
     """Guard and body of each loop, and the functions that select them by number."""
-    x = _x(model)
+    x, p, stored = _x(model), _numbers(model), _stored(model)
     loops = (*model.advance, *model.iterate)
     for number, loop in enumerate(loops):
         if loop in model.each:
@@ -209,14 +272,14 @@ def _loops(model: Model) -> Iterator[str]:
             continue
         yield _variants(
             f"guard_{number}(int variant, {_XUP}, real t, real *c)",
-            _printed(model, partial(_guard, loop), [x, "u", "p", ["t"]], "c"),
+            _printed(model, partial(_guard, loop), [x, "u", p, ["t"]], "c"),
             ["x", "u", "p", "t"],
         )
         yield _variants(
             f"body_{number}(int variant, mask going, real *x, const real *u, const real *p, "
             "const real *w, real t)",
-            _printed(model, partial(_body, loop), [x, "u", "p", "w", ["t"]], x, "going",
-                     (loop, [x, "p"])),
+            _printed(model, partial(_body, loop), [x, "u", p, "w", ["t"]], stored, "going",
+                     (loop, [x, p])),
             ["going", "x", "u", "p", "w", "t"],
         )
     if any(model.inner.values()):
@@ -254,33 +317,64 @@ def _loops(model: Model) -> Iterator[str]:
 _OF_EACH = f"int variant, int row, mask going, real *x, {_UP}, real t"
 
 
-def _of_each(model: Model, loop: str, number: int) -> Iterator[str]:
-    """Guard and body of a loop over each row of some states, with pointers to the rows."""
-    x, indices = _x(model), state_indices(model)
-    row, pointers = [], []
-    for n, (first, _, columns) in enumerate(model.places(loop)):
-        pointers.append(f"real *const r{n} = x + {indices[first]} + row * {columns};")
-        row += [f"r{n}[{i}]" for i in range(columns)]
-    arguments: list[Array] = [x, "u", "p", ["t"], row, ["r_set1((double)row)"]]
-    guards = _printed(model, partial(_guard, loop), arguments, "c")
-    arguments = [x, "u", "p", "w", ["t"], row, ["r_set1((double)row)"]]
-    bodies = _printed(model, partial(_body, loop), arguments, [*x, *row], "going")
+def _of_each(model: Model, loop: str, at: int) -> Iterator[str]:
+    """Guard and body of a loop over each row of some states."""
+    guard: list[str] = []
+    body: list[str] = []
+    for row in model.apart.get(loop, ()) if isinstance(model, Fixed) else ():
+        for lines, found in zip((guard, body), _of_row(model, loop, row), strict=True):
+            lines += [f"if (row == {row}) {{", *(f"    {line}" for line in found),
+                      "    return;", "}"]
+    for lines, found in zip((guard, body), _of_row(model, loop, None), strict=True):
+        lines += found
     names = ["row", "x", "u", "p", "t"]
-    unused = [f"(void)r{n};" for n in range(len(pointers))]
-    yield _variants(
-        f"guard_{number}(int variant, int row, real *x, {_UP}, real t, real *c)",
-        {value: [*pointers, *unused, *lines] for value, lines in guards.items()}, names,
+    yield procedure(
+        f"guard_{at}(int variant, int row, real *x, {_UP}, real t, real *c)", guard,
+        ["variant", *names],
     )
-    yield _variants(
-        f"body_{number}({_OF_EACH})",
-        {value: [*pointers, *unused, *lines] for value, lines in bodies.items()},
-        [*names, "going"],
+    yield procedure(f"body_{at}({_OF_EACH})", body, ["variant", *names, "going"])
+
+
+def _of_row(model: Model, loop: str, row: int | None) -> tuple[list[str], list[str]]:
+    """Guard and body for a row; None: for all rows that share them, with pointers to these."""
+    x, p, stored, indices = _x(model), _numbers(model), _stored(model), state_indices(model)
+    together = model.together(loop) if isinstance(model, Fixed) else []
+    if row is None and len(together) == 1:
+        row = together[0]
+    own, into, pointers = [], [], []
+    for n, (first, _, columns) in enumerate(model.places(loop)):
+        if row is None:
+            pointers += [f"real *const r{n} = x + {indices[first]} + row * {columns};",
+                         f"(void)r{n};"]
+            own += [f"r{n}[{i}]" for i in range(columns)]
+            into += own[-columns:]
+        else:
+            start = first + row * columns
+            own += x[start : start + columns]
+            into += stored[start : start + columns]
+    number = ["r_set1((double)row)" if row is None else constant(float(row))]
+    more: list[Array] = [own, number]
+    (guard,), (body,) = (
+        _printed(model, partial(pick, loop), arguments, result, where).values()
+        for pick, arguments, result, where in (
+            (_guard, [x, "u", p, ["t"], *more], "c", ""),
+            (_body, [x, "u", p, "w", ["t"], *more], [*stored, *into], "going"),
+        )
     )
+    return [*pointers, *guard], [*pointers, *body]
+
+
+def rows_of(model: Model, loop: str) -> int:
+    """Number of rows that a loop goes through; 0: it repeats instead."""
+    if loop not in model.each:
+        return 0
+    fewer = model.rows if isinstance(model, Fixed) else {}
+    return fewer.get(loop, model.places(loop)[0][1])
 
 
 def _selected_rows(model: Model, loops: Sequence[str]) -> Iterator[str]:
     """Functions that select a loop over each row by its number."""
-    counts = [model.places(loop)[0][1] if loop in model.each else 0 for loop in loops]
+    counts = [rows_of(model, loop) for loop in loops]
     yield (
         "/* Number of rows that a loop goes through; 0: it repeats instead. */\n"
         f"static const int model_rows[] = {{{', '.join(map(str, counts))}}};\n"
@@ -336,12 +430,15 @@ def _printed(
     rows
         Occasion on which the function may read rows, and the arguments for their numbers.
     """
+    if isinstance(model, Fixed):
+        where = ""  # a body runs only where its guard holds, for the one simulation
     return {
         value: [
             *_looked_up(functions, *rows),
             *statements(
                 pick(functions),
                 [*arguments, "r"] if rows[0] in functions.rows else arguments, result, where,
+                kind=_kind(model),
             ),
         ]
         for value, functions in model.variants.items()

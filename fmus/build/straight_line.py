@@ -7,7 +7,7 @@ simulation. The text is the same, and so are the bits.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 
 import casadi as ca
 
@@ -40,18 +40,18 @@ _ARITHMETIC: Mapping[int, str] = {
     ca.OP_CEIL: "r_ceil({0})",
     ca.OP_FMOD: "r_fmod({0}, {1})",
 }
-_COMPARISONS: Mapping[int, str] = {
+COMPARISONS: Mapping[int, str] = {
     ca.OP_LT: "m_lt({0}, {1})",
     ca.OP_LE: "m_le({0}, {1})",
     ca.OP_EQ: "m_eq({0}, {1})",
     ca.OP_NE: "m_ne({0}, {1})",
 }
-_LOGIC: Mapping[int, str] = {
+LOGIC: Mapping[int, str] = {
     ca.OP_NOT: "~{0}",
     ca.OP_AND: "{0} & {1}",
     ca.OP_OR: "{0} | {1}",
 }
-_LOGIC_OF_CONDITIONS: Mapping[int, str] = {
+LOGIC_OF_CONDITIONS: Mapping[int, str] = {
     ca.OP_MUL: "{0} & {1}",
     ca.OP_FMIN: "{0} & {1}",
     ca.OP_FMAX: "{0} | {1}",
@@ -61,59 +61,59 @@ _LOGIC_OF_CONDITIONS: Mapping[int, str] = {
 _OF_A_NUMBER: Mapping[int, str] = {ca.OP_FMIN: "r_min({0}, {1})", ca.OP_FMAX: "r_max({0}, {1})"}
 """What these amount to where the second argument is a constant, and so not NaN."""
 
-_COSTLY = tuple(
+COSTLY = tuple(
     f"r_{name}(" for name in ("sin", "cos", "tan", "exp", "log", "atan", "atan2", "asin", "acos")
 )
-_ZERO = f"r_set1({0.0.hex()})"
+_CONSTANT = "r_set1({})"
+_ZERO = _CONSTANT.format(0.0.hex())
 _WHOLE, _PART = 1000, 400
 """Number of statements of a function that stays whole, and of each part of a longer one. Each part
 ends with a mark for the compiler (``END_OF_PART`` in real.h)."""
 
 Array = str | Sequence[str]
 """An array in C: its name, or an expression for each element."""
+NOWHERE = "nowhere"
+"""An element that has no place in C: nothing reads it."""
+
+
+def constant(number: float) -> str:
+    """A number in C."""
+    return _CONSTANT.format(number.hex())
 
 
 def _element(array: Array, i: int) -> str:
     return f"{array}[{i}]" if isinstance(array, str) else array[i]
 
 
-def statements(
-    function: ca.Function, arguments: Sequence[Array], result: Array, where: str = "",
-    without: Collection[int] = (),
-) -> list[str]:
-    """The C statements of a function.
+def evaluated(
+    function: ca.Function, arguments: Sequence[Array], kind: Callable[[], Computation] | None = None
+) -> tuple[Computation, dict[int, str]]:
+    """The values of a function, and the value of each element of its result.
 
     Parameters
     ----------
-    arguments
-        C array that holds each argument.
-    result
-        C array for the result. Elements that the result leaves unchanged are not written.
-    where
-        A mask in C: only these lanes of the result are written. Empty: all.
-    without
-        Elements of the result that are not written.
+    arguments, kind
+        See `statements`.
 
     Raises
     ------
     NotImplementedError
         An instruction has no counterpart in C; the message names it.
     """
-    values = _Values()
+    values = (kind or Computation)()
     registers: dict[int, str] = {}  # current content of CasADi's work registers
-    stores: dict[str, str] = {}  # element of the result -> value
+    results: dict[int, str] = {}
     for i in range(function.n_instructions()):
         operation = function.instruction_id(i)
         inputs, outputs = function.instruction_input(i), function.instruction_output(i)
         if operation == ca.OP_OUTPUT:
-            if outputs[1] not in without:
-                stores[_element(result, outputs[1])] = values.real(registers[inputs[0]])
+            results[outputs[1]] = values.real(registers[inputs[0]])
         elif operation == ca.OP_INPUT:
             text = _element(arguments[inputs[0]], inputs[1])
             registers[outputs[0]] = values.add("a", text)
         elif operation == ca.OP_CONST:
             number = float(function.instruction_constant(i))
-            registers[outputs[0]] = values.add("a", f"r_set1({number.hex()})")
+            registers[outputs[0]] = values.add("a", constant(number))
         else:
             used = [registers[j] for j in inputs]
             try:
@@ -123,21 +123,44 @@ def statements(
                 raise NotImplementedError(
                     f"{function.name()}: no C for instruction {names}"
                 ) from None
+    return values, results
+
+
+def statements(
+    function: ca.Function, arguments: Sequence[Array], result: Array, where: str = "",
+    without: Collection[int] = (), kind: Callable[[], Computation] | None = None,
+) -> list[str]:
+    """The C statements of a function.
+
+    Parameters
+    ----------
+    arguments
+        C array that holds each argument.
+    result
+        C array for the result. Elements that the result leaves unchanged are not written, and those
+        that are `NOWHERE` neither.
+    where
+        A mask in C: only these lanes of the result are written. Empty: all.
+    without
+        Elements of the result that are not written.
+    kind
+        Makes what says how values follow from each other; None: `Computation`.
+
+    Raises
+    ------
+    NotImplementedError
+        As `evaluated`.
+    """
+    values, results = evaluated(function, arguments, kind)
+    stores = {  # element of the result -> value
+        _element(result, i): value for i, value in sorted(results.items()) if i not in without
+    }
+    stores.pop(NOWHERE, None)
     stores = {target: value for target, value in stores.items() if values.texts[value] != target}
-    needed: set[str] = set()
-    writes = []
-    for target, value in stores.items():
-        condition, new = values.change(target, value) if where else ("", value)
-        needed |= {new, condition} - {""}
-        lanes = f"{where} & {condition}" if condition else where
-        writes.append(
-            f"{target} = r_blend({lanes}, {new}, {target});" if where else f"{target} = {new};"
-        )
-    # All reads come before any write: argument and result may be the same array.
-    return [*values.lines(needed), *writes]
+    return values.body(stores, where)
 
 
-def _parted(statements: Sequence[str]) -> Iterator[str]:
+def parted(statements: Sequence[str]) -> Iterator[str]:
     """The statements, with a mark after every `_PART` if there are many."""
     many = len(statements) > _WHOLE
     for number, statement in enumerate(statements):
@@ -146,7 +169,7 @@ def _parted(statements: Sequence[str]) -> Iterator[str]:
         yield statement
 
 
-class _Values:
+class Computation:
     """The values of a function, in order; each is a number (``a1``) or a condition (``m1``).
 
     CasADi's conditions are numbers, 0 or 1. Here they stay masks until arithmetic uses them, which
@@ -156,77 +179,83 @@ class _Values:
     ----------
     texts, operands
         C expression of each value, and the values that it uses.
+    converted
+        The same value as a number or as a condition.
+    negated
+        The opposite of each condition that is one.
+    kept
+        Condition and number of each value of the form ``c ? x : 0``.
     """
 
     def __init__(self) -> None:
         self.texts: dict[str, str] = {}
         self.operands: dict[str, tuple[str, ...]] = {}
-        self._converted: dict[str, str] = {}
-        self._negated: dict[str, str] = {}  # condition -> its opposite
-        self._kept: dict[str, tuple[str, str]] = {}  # value -> condition, number: c ? x : 0
+        self.converted: dict[str, str] = {}
+        self.negated: dict[str, str] = {}
+        self.kept: dict[str, tuple[str, str]] = {}
 
     def add(self, kind: str, text: str, operands: Sequence[str] = ()) -> str:
         name = f"{kind}{len(self.texts)}"
         self.texts[name], self.operands[name] = text, tuple(operands)
         return name
 
-    def _form(self, kind: str, template: str, operands: Sequence[str]) -> str:
+    def form(self, kind: str, template: str, operands: Sequence[str]) -> str:
         return self.add(kind, template.format(*operands), operands)
 
     def real(self, value: str) -> str:
         """A value as a number."""
         if value[0] == "a":
             return value
-        if value not in self._converted:
-            self._converted[value] = self._form("a", "r_truth({0})", [value])
-        return self._converted[value]
+        if value not in self.converted:
+            self.converted[value] = self.form("a", "r_truth({0})", [value])
+        return self.converted[value]
 
     def mask(self, value: str) -> str:
         """A value as a condition: whether it is not 0."""
         if value[0] == "m":
             return value
-        if value not in self._converted:
-            self._converted[value] = self._form("m", "m_true({0})", [value])
-        return self._converted[value]
+        if value not in self.converted:
+            self.converted[value] = self.form("m", "m_true({0})", [value])
+        return self.converted[value]
 
     def apply(self, operation: int, used: Sequence[str]) -> str:
         """The value of an instruction; KeyError if it has no counterpart."""
         conditions = all(value[0] == "m" for value in used)
-        if conditions and operation in _LOGIC_OF_CONDITIONS:
-            return self._form("m", _LOGIC_OF_CONDITIONS[operation], used)
+        if conditions and operation in LOGIC_OF_CONDITIONS:
+            return self.form("m", LOGIC_OF_CONDITIONS[operation], used)
         if operation == ca.OP_EQ and used[0][0] == "m" and self.texts[used[1]] == _ZERO:
             operation, used = ca.OP_NOT, used[:1]
-        if operation in _COMPARISONS:
-            return self._form("m", _COMPARISONS[operation], [self.real(v) for v in used])
-        if operation in _LOGIC:
+        if operation in COMPARISONS:
+            return self.form("m", COMPARISONS[operation], [self.real(v) for v in used])
+        if operation in LOGIC:
             masks = [self.mask(v) for v in used]
-            value = self._form("m", _LOGIC[operation], masks)
+            value = self.form("m", LOGIC[operation], masks)
             if operation == ca.OP_NOT:
-                self._negated[value] = masks[0]
+                self.negated[value] = masks[0]
             return value
         if operation == ca.OP_IF_ELSE_ZERO:
             condition, number = self.mask(used[0]), self.real(used[1])
-            value = self._form("a", "r_keep({0}, {1})", [condition, number])
-            self._kept[value] = condition, number
+            value = self.form("a", "r_keep({0}, {1})", [condition, number])
+            self.kept[value] = condition, number
             return value
         if operation == ca.OP_ADD:
-            choice = self._choice(*used) or self._choice(*reversed(used))
+            choice = self.choice(*used) or self.choice(*reversed(used))
             if choice is not None:
-                return self._form("a", "r_blend({0}, {1}, {2})", choice)
+                return self.form("a", "r_blend({0}, {1}, {2})", choice)
         template = _ARITHMETIC[operation]
         if operation in _OF_A_NUMBER and self._constant(used[1]):
             template = _OF_A_NUMBER[operation]
-        return self._form("a", template, [self.real(v) for v in used])
+        return self.form("a", template, [self.real(v) for v in used])
 
     def _constant(self, value: str) -> bool:
         return self.texts[value].startswith("r_set1(") and not self.operands[value]
 
-    def _choice(self, one: str, other: str) -> tuple[str, str, str] | None:
+    def choice(self, one: str, other: str) -> tuple[str, str, str] | None:
         """Condition and both numbers, if a sum has the form ``(c ? x : 0) + (!c ? y : 0)``."""
-        if one in self._kept and other in self._kept:
-            condition, x = self._kept[one]
-            opposite, y = self._kept[other]
-            if self._negated.get(opposite) == condition:
+        if one in self.kept and other in self.kept:
+            condition, x = self.kept[one]
+            opposite, y = self.kept[other]
+            if self.negated.get(opposite) == condition:
                 return condition, x, y
         return None
 
@@ -238,28 +267,58 @@ class _Values:
                 return condition, new
         return "", value
 
+    def body(self, stores: Mapping[str, str], where: str) -> list[str]:
+        """Statements that write values to their targets, where a mask is set ("": everywhere)."""
+        needed: set[str] = set()
+        writes = []
+        for target, value in stores.items():
+            condition, new = self.change(target, value) if where else ("", value)
+            needed |= {new, condition} - {""}
+            lanes = f"{where} & {condition}" if condition else where
+            writes.append(
+                f"{target} = r_blend({lanes}, {new}, {target});" if where else f"{target} = {new};"
+            )
+        # All reads come before any write: argument and result may be the same array.
+        return [*self.lines(needed), *writes]
+
     def lines(self, wanted: set[str]) -> list[str]:
         """Statements for the wanted values and everything they need."""
-        branches = self._branches(wanted)
+        branches = self.branches(wanted)
+        return self.printed([value for value in self.texts if value in branches], branches)
+
+    def printed(
+        self, order: Sequence[str], branches: Mapping[str, str],
+        others: Mapping[str, str] | None = None,
+    ) -> list[str]:
+        """Statements for values, each after those that it uses.
+
+        Parameters
+        ----------
+        branches
+            The branch of each value, from `branches`.
+        others
+            Statements that take the place of a value's own, or stand in the order themselves.
+        """
+        others = others or {}
         lines = {
-            value: f"const {'real' if value[0] == 'a' else 'mask'} {value} = {text};"
-            for value, text in self.texts.items()
-            if value in branches
+            value: others.get(value)
+            or f"const {'real' if value[0] == 'a' else 'mask'} {value} = {self.texts[value]};"
+            for value in order
         }
-        _pair_sines(lines, self.texts, branches)
+        pair_sines(lines, self.texts, branches)
         bodies: dict[str, list[str]] = {branch: [] for branch in ("", *branches.values())}
         for value, line in lines.items():
             if value in bodies:
                 line = "\n".join([
                     f"real {value} = {_ZERO};",
-                    f"if (m_any({self._kept[value][0]})) {{",
+                    f"if (m_any({self.kept[value][0]})) {{",
                     *bodies[value], f"{value} = {self.texts[value]};",
                     "}",
                 ])
             bodies[branches[value]].append(line)
-        return "\n".join(_parted(bodies[""])).splitlines()
+        return "\n".join(parted(bodies[""])).splitlines()
 
-    def _branches(self, wanted: set[str]) -> dict[str, str]:
+    def branches(self, wanted: set[str]) -> dict[str, str]:
         """The branch of each needed value: the value ``c ? x : 0`` that alone needs it, or "".
 
         Only a choice that saves an elementary function is worth a branch.
@@ -277,14 +336,14 @@ class _Values:
             for user in users[value][1:]:
                 common = [a for a, b in zip(common, path(user), strict=False) if a == b]
             branches[value] = common[-1]
-            condition = self._kept.get(value, ("",))[0]
+            condition = self.kept.get(value, ("",))[0]
             for operand in self.operands[value]:
-                inside = value in self._kept and operand != condition
+                inside = value in self.kept and operand != condition
                 users.setdefault(operand, []).append(value if inside else common[-1])
         worthy = {
             branch
             for value, inner in branches.items()
-            if self.texts[value].startswith(_COSTLY)
+            if self.texts[value].startswith(COSTLY)
             for branch in path(inner)
         }
 
@@ -295,13 +354,13 @@ class _Values:
         return {value: kept(branch) for value, branch in branches.items()}
 
 
-def _pair_sines(
+def pair_sines(
     lines: dict[str, str], texts: Mapping[str, str], branches: Mapping[str, str]
 ) -> None:
     """Compute sine and cosine of the same argument together, where both are needed."""
     first: dict[tuple[str, str], str] = {}
     for value in list(lines):
-        text = texts[value]
+        text = texts.get(value, "")
         if not text.startswith(("r_sin(", "r_cos(")):
             continue
         place = branches[value], text[5:]

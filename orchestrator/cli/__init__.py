@@ -18,6 +18,7 @@ from .commands import (
     processing,
     components,
     export,
+    firmware,
 )
 from .commands import schemas
 from .common.app import app

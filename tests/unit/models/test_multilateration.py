@@ -17,6 +17,7 @@ from sblcosim.models.receiver.least_squares import (
     Samples,
     closed_form,
     improve,
+    separate,
 )
 from sblcosim.models.receiver.minimum import is_safe, newton, point, step, tangent
 from scipy.optimize import least_squares
@@ -45,7 +46,7 @@ def plain() -> tuple[ca.Function, ca.Function]:
     """The closed form, and one pass of the plain descent, which the filters start with."""
     s, data = symbols()
     x, damping = ca.SX.sym("x", 3), ca.SX.sym("damping")
-    found = improve(x, damping, s, ca.SX(WEIGHT))
+    found = improve(x, damping, lambda place: separate(place, s, ca.SX(WEIGHT)))
     return (
         ca.Function("start", [data], [closed_form(s)]),
         ca.Function("improve", [x, damping, data], [found.position, found.damping, found.done]),
@@ -270,7 +271,9 @@ def test_the_damping_of_a_pass_is_a_multiple_of_the_informations_diagonal(dampin
         z=ca.SX([*ranges, truth[2]]), epoch=nothing, beacons=ca.SX(CROSS), mark=nothing,
         heard=heard, new=heard, any_new=1, newest=0, enough=1,
     )
-    found = improve(ca.SX(x), damping, samples, ca.SX(weight))
+    found = improve(
+        ca.SX(x), damping, lambda place: separate(place, samples, ca.SX(weight))
+    )
     offset = x - CROSS
     distances = np.linalg.norm(offset, axis=1)
     H = np.vstack([offset / distances[:, None], [0.0, 0.0, 1.0]])

@@ -390,6 +390,7 @@ NUMBERS = {
     "conformance": "--timeout",
     "export ssp": "--ssp --seed",
     "export fmu": "--seed",
+    "firmware": "--seed",
 }
 """Options that take a number, by command."""
 

@@ -51,12 +51,14 @@ BEFORE: dict[str, tuple[str, ...]] = {
     "conformance": ("ekf.fmu",),
     "export ssp": ("paper-scenario-1",),
     "export fmu": ("paper-scenario-1",),
+    "firmware": ("ekf", "paper-scenario-1"),
 }
 """Arguments with which a command would work, by its name."""
 WRONG: dict[str, tuple[str, ...]] = {
     "receiver": ("nobody",),
     "set_": ("acoustics.range_std_m=-1", "nonsense", "platform.nothing=1"),
     "seed": ("-1", "x", "99999999999"),
+    "target": ("z80",),
     "fmi": ("4",),
     "master": ("nobody",),
     "trajectories": ("kml",),

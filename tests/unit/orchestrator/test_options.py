@@ -37,6 +37,7 @@ from sblcosim.comparison.tournament.worst import worst_run
 from sblcosim.estimation.after import smooth
 from sblcosim.explore import page
 from sblcosim.export.container import export_fmu
+from sblcosim.export.firmware import export_firmware
 from sblcosim.export.ssp import export_ssp
 from sblcosim.fmus.build.factory import build
 from sblcosim.fmus.conformance.kit import examine
@@ -138,6 +139,7 @@ CASES = [
     Case(("conformance", "x.fmu"), (examine,)),
     Case(("export", "ssp", SCENARIO), (export_ssp,)),
     Case(("export", "fmu", SCENARIO), (export_fmu,)),
+    Case(("firmware", "ekf"), (export_firmware,)),
 ]  # fmt: skip
 
 VALUES = {
@@ -152,6 +154,7 @@ VALUES = {
     "build --beacons": "5",
     "explore --beacons": "5",
     "--platform": "wasm32",
+    "--target": "host",
     "--mounting": "0.3",
     "--gps": "rtk",
     "--compass": "7",

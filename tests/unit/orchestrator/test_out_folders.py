@@ -51,6 +51,7 @@ KIND = {
     "paper": ("paper",),
     "analyse": ("analyse", "study"),
     "advise": ("advise", "study", "--costs", "costs.toml"),
+    "firmware": ("firmware", "ekf", "paper-scenario-1", "--set", "time.duration_s=3"),
 }
 """Commands that replace their own results, or have their own folders of runs."""
 STUDY = """name = "small"
