@@ -85,7 +85,7 @@ def _names(model: Fixed, name: str, interval_ns: int) -> Iterator[str]:
     yield f"#define FIRMWARE(it) {name}_##it"
     yield f"#define FIRMWARE_STATE_BYTES {name.upper()}_STATE_BYTES"
     yield f"#define FIRMWARE_INTERVAL_NS INT64_C({interval_ns})"
-    yield "#ifdef __clang__ /* it warns of parts of the engine that a receiver does not use */"
+    yield "#ifdef __clang__ /* for parts of the engine that a receiver does not use */"
     yield '#pragma clang diagnostic ignored "-Wunused-function"'
     yield "#endif"
 

@@ -328,7 +328,7 @@ class _Plan:
 
 
 def _room(free_at: Sequence[int], count: int, number: int) -> int:
-    """First of so many elements in a row that are free for an item."""
+    """First of ``count`` elements in a row that are free for an item."""
     at = 0
     while True:
         taken = [i for i in range(at, min(at + count, len(free_at))) if free_at[i] > number]
