@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
 
@@ -38,15 +38,15 @@ def fixed(model: Model, parameters: Mapping[str, Sequence[float]]) -> Fixed:
     ]
     whole = Fixed(**{it.name: getattr(model, it.name) for it in fields(Model)}, parameters=numbers)
     while True:
-        found = _with_constants(whole)
-        rows, apart = _rows_read(found)
+        found, parts = _with_constants(whole)
+        rows, apart = _rows_read(found, _read(parts))
         if (rows, apart) == (found.rows, found.apart):
-            return replace(found, unread=_unread(found))
+            return replace(found, unread=_unread(found, parts))
         whole = replace(whole, rows=rows, apart=apart)
 
 
-def _with_constants(whole: Fixed) -> Fixed:
-    """The model without idle loops, and with what states can be that have few values.
+def _with_constants(whole: Fixed) -> tuple[Fixed, list[_Part]]:
+    """The model without idle loops, and with what states can be that have few values; its parts.
 
     Each state that starts from a number is taken for that, until something gives it another value.
     """
@@ -54,7 +54,8 @@ def _with_constants(whole: Fixed) -> Fixed:
     while True:
         found = _without_idle(replace(whole, few=few))
         more: dict[int, Few] = dict(few)
-        for part in _parts(found):
+        parts = list(_parts(found))
+        for part in parts:
             for state, values in part.stored():
                 if more.get(state):  # once it can be anything, it stays so
                     more[state] = more[state] | values if values else frozenset()
@@ -64,7 +65,7 @@ def _with_constants(whole: Fixed) -> Fixed:
             if values and len(values) <= MOST and state not in several
         }
         if more == few:
-            return found
+            return found, parts
         few = more
 
 
@@ -213,10 +214,11 @@ def _in_several_rows(model: Fixed) -> set[int]:
     }
 
 
-def _rows_read(model: Fixed) -> tuple[dict[str, int], dict[str, tuple[int, ...]]]:
+def _rows_read(
+    model: Fixed, read: Collection[int]
+) -> tuple[dict[str, int], dict[str, tuple[int, ...]]]:
     """Number of rows of each loop up to the last one that something depends on, and those from the
     first on of which something depends on other states than of row 0."""
-    read = _read(model)
     rows, apart = {}, {}
     for loop in model.each:
         used = [[state in read for state in _row(model, loop, row)[0]]
@@ -227,18 +229,17 @@ def _rows_read(model: Fixed) -> tuple[dict[str, int], dict[str, tuple[int, ...]]
     return rows, apart
 
 
-def _unread(model: Fixed) -> frozenset[int]:
+def _unread(model: Fixed, parts: Sequence[_Part]) -> frozenset[int]:
     """States that have no place: those without a use, and those that are constant."""
     outputs = sum(v.size for v in model.component.of("output"))
-    placed = _read(model) | _in_several_rows(model)
+    placed = _read(parts, _in_several_rows(model))  # which are written, whether used or not
     places = enumerate(state_indices(model))
     return frozenset(state for state, at in places if at >= outputs and state not in placed)
 
 
-def _read(model: Fixed) -> set[int]:
-    """States that outputs or guards depend on."""
-    parts = list(_parts(model))
-    read = set().union(*(part.reads(part.roots) for part in parts))
+def _read(parts: Sequence[_Part], more: Collection[int] = ()) -> set[int]:
+    """States that outputs, guards or ``more`` states depend on, with these."""
+    read = set(more).union(*(part.reads(part.roots) for part in parts))
     makers: dict[int, list[tuple[_Part, str]]] = {}
     for part in parts:
         for state, value in part.stores:

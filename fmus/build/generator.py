@@ -10,6 +10,7 @@ from functools import partial
 import casadi as ca
 from sblcosim.models.equations import Functions, Model
 
+from ..errors import BuildError
 from .folding import Few
 from .rolling import Rolled
 from .straight_line import NOWHERE, Array, Computation, constant, statements
@@ -457,7 +458,15 @@ def _variants(signature: str, cases: Mapping[int, Sequence[str]], unused: Sequen
 
 
 def procedure(signature: str, lines: Sequence[str], unused: Sequence[str] = ()) -> str:
-    """A C function without a result, some of whose arguments may be unused."""
+    """A C function without a result, some of whose arguments may be unused.
+
+    Raises
+    ------
+    BuildError
+        A statement reads a state that has no place.
+    """
+    if any(NOWHERE in line for line in lines):
+        raise BuildError(f"{signature.partition('(')[0]}: must not read a state without a place")
     body = [*(f"(void){name};" for name in unused), *lines]
     indented = [f"    {line}" for line in body]
     return "\n".join([f"static inline void {signature}", "{", *indented, "}", ""])

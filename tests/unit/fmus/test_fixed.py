@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -12,6 +13,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from sblcosim.errors import BuildError
 from sblcosim.fmus.build import factory, rolling
 from sblcosim.fmus.build.c_files import c_files
 from sblcosim.fmus.build.fixed import fixed
@@ -20,6 +22,8 @@ from sblcosim.fmus.build.generator import Fixed, model_source, state_indices
 from sblcosim.fmus.build.rolling import Rolled
 from sblcosim.fmus.build.straight_line import Computation, constant, evaluated, statements
 from sblcosim.models import RECEIVERS
+from sblcosim.models.declaration import Component, output
+from sblcosim.models.equations import Equations, Loop, build
 from sblcosim.models.loading import load
 
 Array = NDArray[np.float64]
@@ -94,6 +98,31 @@ def test_coupled_with_q_given_has_no_bank_and_no_challenger() -> None:
     sizes = [max(state_indices(model)) for model in (given, learned, watched)]
     assert sizes == sorted(sizes)
     assert sizes[0] < 0.6 * sizes[1]
+
+
+def in_rows() -> Fixed:
+    """Rows whose second state nothing uses, and which share the code that gives it another's."""
+    number = output("y", "Both rows", "m")
+    copied = Loop("copied", lambda p, x, u, t: x.a[0] < 9,
+                  lambda p, x, u, w, t: {"a": ca.vertcat(x.a[0] + 1, x.b)}, each=("a",))
+    return fixed(build(Component("C", 901, "For a test", (number,), None), Equations(
+        output=lambda p, x, u, t: {"y": ca.sum1(x.a[:, 0])},
+        initial=lambda p, w, t: {"a": ca.DM.zeros(2, 2), "b": t},
+        tick=lambda p, x, u, w, t, k: {"b": x.b + t},
+        iterate=(copied,),
+    )), {})
+
+
+def test_what_rows_with_one_code_are_written_from_has_a_place() -> None:
+    model = in_rows()
+    assert model.together("copied") == [0, 1]
+    assert min(state_indices(model)) > 0
+    assert "nowhere" not in model_source(model)
+
+
+def test_a_state_without_a_place_is_not_read() -> None:
+    with pytest.raises(BuildError, match="body_0: must not read a state without a place"):
+        model_source(replace(in_rows(), unread=frozenset({4})))
 
 
 def test_a_model_with_noise_is_refused() -> None:
