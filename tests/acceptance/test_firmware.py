@@ -108,6 +108,7 @@ def test_the_self_test_finds_a_wrong_bit(ekf: Path, tmp_path: Path) -> None:
         ("coupled", "gps-buoys", {}),
         ("long_baseline", "harbour-lbl", {}),
         ("array", "usbl-boat", {}),
+        ("fixed_lag", "realistic-dive", {}),
         ("sequential", "paper-scenario-1", {}),
         ("multilateration", "harbour-square", {}),
     ],
