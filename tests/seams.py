@@ -23,6 +23,7 @@ def numbers() -> dict[str, tuple[ModuleType, str]]:
     from sblcosim.analysis.common import bounds
     from sblcosim.cli.common import app
     from sblcosim.estimation import smoother
+    from sblcosim.fmus.build import rolling
     from sblcosim.fmus.conformance import runner as conformance
     from sblcosim.fmus.read import archive, description
     from sblcosim.limits import places
@@ -55,6 +56,8 @@ def numbers() -> dict[str, tuple[ModuleType, str]]:
         "path_points": (earth, "MOST_POINTS"),
         "patience": (conformance, "PATIENCE"),
         "reach": (bounds, "REACH"),
+        "rolled_from": (rolling, "MANY"),
+        "rolled_gain": (rolling, "LEAST"),
         "room_bytes": (lanes, "ROOM_BYTES"),
         "track_bytes": (read, "LARGEST"),
         "track_points": (track, "MOST_POINTS"),

@@ -219,7 +219,9 @@ def _met(other: Variable, condition: Condition) -> str:
         return f"is `{toml(condition.values in ((), (1,)))}`"
     if not condition.values:
         return "is not 0"
-    choices = other.choices or {}
+    if not other.choices:
+        return f"is {_listed([toml(v) for v in condition.values], 'or')}"
+    choices = other.choices
     names = [choices.get(v, toml(v)) for v in condition.values]
     others = [name for name in choices.values() if name not in names]
     if 0 < len(others) < len(names):

@@ -110,6 +110,11 @@ def refuse(scenario: Scenario) -> None:
                 f"{scenario.where(name, 'fmu')}: must be left out to explore the scenario, as a "
                 "page has our components only"
             )
+    if scenario.platform.track_count:
+        raise ConfigurationError(
+            f"{scenario.where('platform', 'track_count')}: must be 0 to explore the scenario, as a "
+            "page has no boat that follows a track"
+        )
     count = len(scenario.target.track_time_s or ())
     if scenario.target.trajectory == "file" and count > MOST_POINTS:
         raise ConfigurationError(

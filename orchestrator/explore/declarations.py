@@ -17,6 +17,10 @@ _TIMES = ("sampling_time_s", "update_interval_s", "interval_s", "duration_s")
 """Keys that lose their rounding errors when loaded."""
 _LEFT_OUT = (*FILES, "fmi", "parameters", "track_tolerance_m")
 """Keys that need files, or do not change a number."""
+OF_BOATS = tuple(f"platform.{key}" for key in (
+    "track_count", "track_time_s", "track_m", "track_heading_deg", "departure_time_s",
+))
+"""Keys of a boat's track, for which a page has no component."""
 _BOUNDS = {"minimum": "least", "maximum": "most", "exclusiveMinimum": "above",
            "exclusiveMaximum": "below"}
 _KINDS = {"number": "number", "integer": "integer", "boolean": "switch"}
@@ -41,7 +45,7 @@ def declarations() -> list[dict[str, Any]]:
 def _all() -> Iterator[dict[str, Any]]:
     for name, table in TABLES.items():
         for key, schema in table.model_json_schema()["properties"].items():
-            if key not in _LEFT_OUT:
+            if key not in _LEFT_OUT and f"{name}.{key}" not in OF_BOATS:
                 yield _declared(name, table, key, schema)
 
 

@@ -223,6 +223,8 @@ def anything(numbers: random.Random) -> dict[str, Any]:
         tables["target"]["waypoint_m"] = [[0, 0, 1], [5, 0, 2], [5, 5, 3]]
     if tables.get("target", {}).get("trajectory") == "file":
         tables["target"] |= TRACK
+    if tables.get("platform", {}).get("track_count"):
+        del tables["platform"]["track_count"]  # with points, below
     return tables
 
 

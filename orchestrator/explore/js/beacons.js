@@ -74,7 +74,8 @@ export class BeaconEditor {
     if (focused >= 0) marks[focused].focus();
     this.showRows(arms);
     $("add-beacon").disabled = !this.counts.includes(count + 1);
-    put($("beacons-note"), `${count} beacons; this page can have ${this.counts.join(", ")}.`);
+    const more = this.counts.length > 1 ? "" : "; the option --beacons makes pages that can have others";
+    put($("beacons-note"), `${count} beacons; this page can have ${this.counts.join(", ")}${more}.`);
     const { changes } = this.page;
     $("reset-beacons").hidden = !KEYS.some((it) => changes.has(it));
   }

@@ -329,6 +329,7 @@ export class Explorer {
   get #numbers() {
     const of = (path, name) => this.byPath.get(path).numbers[name];
     return Object.assign(of, {
+      has: (path) => this.byPath.has(path),
       columns: (path) => this.byPath.get(path).columns ?? 1,
       start: (path) => this.byPath.get(path).default,
     });

@@ -33,7 +33,10 @@ export class PathEditor {
       this.strokes.push([]);
       this.add(event);
     });
-    this.sketch.addEventListener("pointermove", (event) => { if (event.buttons) this.add(event); });
+    // A pointer that was pressed elsewhere draws nothing.
+    this.sketch.addEventListener("pointermove", (event) => {
+      if (event.buttons && this.strokes?.length) this.add(event);
+    });
     document.addEventListener("keydown", (event) => {
       if (!this.drawn) return;
       if (event.key === "Escape") this.end();

@@ -5,6 +5,7 @@ import { decimal } from "../../web/js/pen.js";
 // A length for a verdict, such as 3.9 m, 0.42 m or 12 m.
 export function length(x) {
   if (!Number.isFinite(x)) return "–";
+  if (x > 1e4) return "more than 10 km";
   return `${decimal(x, x < 0.995 ? 2 : x < 99.5 ? 1 : 0)} m`;
 }
 

@@ -29,6 +29,7 @@ export class Settings {
   computed(values, given, numberOf) {
     const inputs = this.keys.map((name) => {
       const [path, rest] = name.split("[");
+      if (!numberOf.has(path)) return 0; // of a boat's track, which pages do not have
       if (this.optional.has(path) && !given.has(path)) return NaN;
       const value = values.has(path) ? values.get(path) : numberOf.start(path);
       const element = rest === undefined ? value : value[placeOf(rest, numberOf.columns(path))];

@@ -35,10 +35,13 @@ function showClaim({ claim: { verdict, factor } }, main) {
   put($("claim"), words ? `The error that ${main} claims is ${words(times)}.` : "");
 }
 
+const claimed = ({ claim }) =>
+  CLAIMS[claim?.verdict] ? `; claimed error ${CLAIMS[claim.verdict][1]}` : "";
+
 function showOthers(receivers, styles, main) {
   const others = Object.keys(receivers).filter((name) => name !== main);
   $("others").replaceChildren(...others.flatMap((name) => [element("div", {},
-    element("dt", {}, swatch(styles[name]), `95 %, ${name}`),
+    element("dt", {}, swatch(styles[name]), `95 %, ${name}${claimed(receivers[name])}`),
     element("dd", {}, length(receivers[name].p95)))]));
 }
 

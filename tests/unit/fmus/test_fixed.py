@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from sblcosim.errors import BuildError
-from sblcosim.fmus.build import factory, rolling
+from sblcosim.fmus.build import factory
 from sblcosim.fmus.build.c_files import c_files
 from sblcosim.fmus.build.fixed import fixed
 from sblcosim.fmus.build.folding import Folded
@@ -25,6 +25,7 @@ from sblcosim.models import RECEIVERS
 from sblcosim.models.declaration import Component, output
 from sblcosim.models.equations import Equations, Loop, build
 from sblcosim.models.loading import load
+from seams import Seam
 
 Array = NDArray[np.float64]
 
@@ -158,10 +159,9 @@ def alike(n: int) -> tuple[ca.Function, int]:
 
 @pytest.mark.parametrize("n", [2, 7, 12])
 def test_loops_give_the_bits_of_straight_lines(
-    n: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    n: int, tmp_path: Path, seam: Seam
 ) -> None:
-    monkeypatch.setattr(rolling, "MANY", 0)
-    monkeypatch.setattr(rolling, "LEAST", -10_000)
+    seam.tuned(rolled_from=0, rolled_gain=-10_000)
     function, size = alike(n)
     kinds: dict[str, Callable[[], Computation]] = {"straight": Computation, "rolled": Rolled}
     texts = {name: statements(function, ["x"], "y", kind=kind) for name, kind in kinds.items()}

@@ -99,12 +99,12 @@ def test_a_receiver_that_does_not_suit_is_told(source: str, receiver: str, words
     ("source", "receiver"), [("harbour-lbl", "coupled"), ("realistic-dive", "long_baseline")]
 )
 def test_a_receiver_to_try_is_better(source: str, receiver: str) -> None:
-    """In nine of ten runs on the same noise: else there is nothing to try."""
+    """In most runs on the same noise: else there is nothing to try."""
     (line,) = said({}, source, receiver)
     instead = line.partition(": try ")[2]
     found = sblcosim.compare(source, [receiver, instead], runs=100, timed=False).table
     errors = [found[f"{label}.absolute_total_rms_m"] for label in (receiver, instead)]
-    assert (errors[1] < errors[0]).sum() >= 90
+    assert (errors[1] < errors[0]).sum() >= 80
 
 
 def test_where_another_receiver_is_not_better_it_is_not_said_to_be() -> None:

@@ -264,6 +264,7 @@ ARGUMENTS: Mapping[str, list[str]] = {
     "map": ["realistic-dive", "--area", "20x20", "--depth", "5"],
     "export ssp": ["realistic-dive", "--out", "x.ssp"],
     "export fmu": ["realistic-dive", "--out", "x"],
+    "explore": ["realistic-dive", "--out", "x.html", "--no-open"],
     "firmware": ["coupled", "realistic-dive", "--out", "x"],
     "smooth": ["RUN"],
     "process": ["RUN/log"],
