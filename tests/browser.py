@@ -139,7 +139,12 @@ class Tab:
             What follows ``#`` in the address.
         """
         self.call("Page.navigate", url=page.as_uri() + (f"#{link}" if link else ""))
-        self.run("while (!document.body?.classList.contains('ready')) await frame(); await frame()")
+        ready = self.run(
+            "const ready = () => document.body?.classList.contains('ready');"
+            "for (let i = 0; i < 15000 && !ready(); i++) await sleep(20);"
+            "await frame(); return ready()"
+        )
+        assert ready, f"the page is not ready: {self.complaints}"
 
     def run(self, script: str) -> Any:
         """What a script returns, the body of an asynchronous function.
