@@ -49,6 +49,10 @@ for (const [name, given] of Object.entries(KINDS)) {
   found[`coupled and raw, ${name}, dives per s`] = 512 / taken * 1e3;
 }
 explorer.reset();
+const paper = await Explorer.open(JSON.parse(readFileSync("paper.json", "utf8")));
+await paper.dives(64);
+found["ekf, Scenario 1 of the paper, dives per s"] =
+  512 / await cpu(() => paper.dives(512)) * 1e3;
 found["causes of 128 dives each, s"] = await cpu(() => explorer.causes()) / 1e3;
 console.log(JSON.stringify(found));
 """
@@ -61,6 +65,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "contents.json").write_text(json.dumps(told))
+        paper = contents(sblcosim.load("paper-scenario-1"), ("ekf",), beacons=[4])
+        (folder / "paper.json").write_text(json.dumps(paper))
         (folder / "host.mjs").write_text(HOST)
         done = subprocess.run(
             ["node", "--experimental-default-type=module", "host.mjs", SCRIPT, str(REPEATS)],

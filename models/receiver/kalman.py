@@ -84,7 +84,7 @@ def initialise() -> Loop:
         disagreement = ca.fmax(cost / ca.fmax(least_squares.degrees(s), 1), 1)
         own = disagreement * least_squares.inverse(result.here.information)
         return {
-            "mean": expand(result.position),
+            "mean": expand(result.taken.position),
             "covariance": pack(expand_covariance(own, p.prior_velocity_std**2)),
             "damping": result.damping,
             "passes": ca.if_else(result.done, 0, x.passes - 1),

@@ -209,9 +209,9 @@ class Pass:
     done: Any
 
     @property
-    def position(self) -> Any:
-        """Where the next pass begins, (3, 1) [m]."""
-        return ca.if_else(self.better, self.there.position, self.here.position)
+    def taken(self) -> Normal:
+        """The normal equations where the next pass begins."""
+        return chosen(self.better, self.there, self.here)
 
 
 def improve(position: Any, damping: Any, linearised: Callable[[Any], Normal]) -> Pass:

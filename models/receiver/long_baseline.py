@@ -296,7 +296,7 @@ def _anew(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     result = least_squares.improve(
         position, x.damping, lambda place: least_squares.together(place, s, weight, known)
     )
-    fix = least_squares.chosen(result.better, result.there, result.here)
+    fix = result.taken
     doubt = ca.fmax(fix.cost / ca.fmax(least_squares.degrees(s), 1), 1)
     last = ca.fmax(result.done, x.passes == 1)
     return {

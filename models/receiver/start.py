@@ -267,8 +267,7 @@ def _pass(p: Symbols, x: Symbols, u: Symbols, mean: Any, ping: Ping | None) -> V
 
     result = least_squares.improve(position, x.damping, linearised)
     last = ca.fmax(result.done, x.passes == 1)
-    fix = least_squares.chosen(result.better, result.there, result.here)
-    fix = _outward(fix, known, last, linearised)
+    fix = _outward(result.taken, known, last, linearised)
     degrees = ca.fmax(ca.sum1(s.heard[:DEPTH]) - 2, 1)
     # Samples that disagree get less weight. The assumption that the diver is near does not.
     doubt = reciprocal(ca.fmax(fix.cost / degrees, 1))

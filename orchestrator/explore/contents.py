@@ -25,6 +25,7 @@ from ..scenario.filling import DEFAULT_RECEIVER
 from ..scenario.labels import RAW
 from ..scenario.scenario import Scenario
 from ..scenario.schema import CORE_COMPONENTS, SEED, TABLES, given_of
+from ..scenario.tracks import follows
 from ..simulation.plans.plan import LAG
 from ..style import LINES, THEMES
 from ..wasm import modules
@@ -110,10 +111,11 @@ def refuse(scenario: Scenario) -> None:
                 f"{scenario.where(name, 'fmu')}: must be left out to explore the scenario, as a "
                 "page has our components only"
             )
-    if scenario.platform.track_count:
+    if follows("platform", scenario.platform):
+        key = "track_file" if "platform" in scenario.recorded else "track_time_s"
         raise ConfigurationError(
-            f"{scenario.where('platform', 'track_count')}: must be 0 to explore the scenario, as a "
-            "page has no boat that follows a track"
+            f"{scenario.where('platform', key)}: must be left out to explore the scenario, as no "
+            "boat of a page follows a track"
         )
     count = len(scenario.target.track_time_s or ())
     if scenario.target.trajectory == "file" and count > MOST_POINTS:

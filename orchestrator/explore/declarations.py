@@ -12,14 +12,15 @@ from sblcosim.models.settings.names import names_of
 from sblcosim.models.settings.presets import DECLARED, preset
 
 from ..scenario.schema import FILES, TABLES, Table
+from ..scenario.tracks import FOLLOWERS
 
 _TIMES = ("sampling_time_s", "update_interval_s", "interval_s", "duration_s")
 """Keys that lose their rounding errors when loaded."""
 _LEFT_OUT = (*FILES, "fmi", "parameters", "track_tolerance_m")
 """Keys that need files, or do not change a number."""
-OF_BOATS = tuple(f"platform.{key}" for key in (
-    "track_count", "track_time_s", "track_m", "track_heading_deg", "departure_time_s",
-))
+OF_BOATS = frozenset(
+    f"platform.{COMPONENTS['platform'][it].key}" for it in FOLLOWERS["platform"].parameters
+)
 """Keys of a boat's track, for which a page has no component."""
 _BOUNDS = {"minimum": "least", "maximum": "most", "exclusiveMinimum": "above",
            "exclusiveMaximum": "below"}

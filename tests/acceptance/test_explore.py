@@ -22,6 +22,7 @@ from sblcosim.explore.contents import contents
 from sblcosim.fmus.build import compiler
 from sblcosim.prepare.scenario import of_scenario
 from sblcosim.scenario.scenario import Scenario, load
+from sblcosim.scenario.schema import FILES, TABLES
 from sblcosim.web.playback import of_record
 
 pytestmark = [
@@ -324,6 +325,8 @@ def test_water_is_better_near_the_beacons(told: Mapping[str, Any], tmp_path: Pat
         ({"target.trajectory": "file", "target.track_time_s": [*map(float, range(257))],
           "target.track_m": [[0.0, float(i), 1.0] for i in range(257)]}, (), (),
          "at most 256 points in a page, got 257"),
+        ({"platform.track_time_s": [0.0, 9.0], "platform.track_m": [[0.0, 0.0], [5.0, 1.0]]},
+         (), (), "track_time_s: must be left out to explore"),
     ],
 )  # fmt: skip
 def test_what_a_page_cannot_have_is_refused(
@@ -331,6 +334,16 @@ def test_what_a_page_cannot_have_is_refused(
 ) -> None:
     with pytest.raises(ConfigurationError, match=why):
         contents(load(NAME, given.items()), receivers, beacons)
+
+
+def test_a_page_has_all_keys_but_those_that_are_refused(told: Mapping[str, Any]) -> None:
+    known = {f"{name}.{key}" for name, table in TABLES.items() for key in table.model_fields}
+    missing = known - {it["path"] for it in told["keys"]}
+    assert {it.partition(".")[2] for it in missing} == {
+        *FILES, "fmi", "parameters", "track_tolerance_m", "track_count", "track_time_s", "track_m",
+        "track_heading_deg", "departure_time_s",
+    }
+    assert {"target.track_m", "target.departure_time_s"}.isdisjoint(missing)
 
 
 # --- Settings ------------------------------------------------------------------------------------

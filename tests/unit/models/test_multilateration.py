@@ -49,7 +49,9 @@ def plain() -> tuple[ca.Function, ca.Function]:
     found = improve(x, damping, lambda place: separate(place, s, ca.SX(WEIGHT)))
     return (
         ca.Function("start", [data], [closed_form(s)]),
-        ca.Function("improve", [x, damping, data], [found.position, found.damping, found.done]),
+        ca.Function(
+            "improve", [x, damping, data], [found.taken.position, found.damping, found.done]
+        ),
     )
 
 
@@ -281,7 +283,7 @@ def test_the_damping_of_a_pass_is_a_multiple_of_the_informations_diagonal(dampin
     damped = information + damping * np.diag(np.diag(information))
     residuals = np.append(ranges - distances, truth[2] - x[2])
     step = np.linalg.solve(damped, H.T @ (weight * residuals))
-    position = np.array(ca.evalf(found.position)).ravel()
+    position = np.array(ca.evalf(found.taken.position)).ravel()
     np.testing.assert_allclose(position, x + step, rtol=0, atol=1e-9)
 
 
