@@ -100,6 +100,7 @@ def test_what_is_shown_are_the_numbers_of_the_command_line(
       return {{ before, toml: page.explorer.toml(), command: $("command").textContent,
         within: $("within").textContent, half: $("half").textContent,
         others: all("#others dd").map((it) => it.textContent),
+        whose: all("#others dt").map((it) => it.textContent), holds: $("holds").textContent,
         blue: all("#controls .changed").map((it) => it.dataset.path), which: $("which").textContent,
         map: $("map").getAttribute("aria-label"),
         last: ["x", "y", "z"].map((k) => receiver.position[k][last]) }};
@@ -115,6 +116,8 @@ def test_what_is_shown_are_the_numbers_of_the_command_line(
     many = run_many(load(file), ("coupled", "ekf"), runs=DIVES)
     assert shown["within"] == f"{many.within_m['coupled']:.1f} m" != shown["before"]
     assert shown["others"][0] == f"{many.within_m['ekf']:.1f} m"
+    assert shown["whose"][0] == "95 %, ekf; claimed error too small"
+    assert shown["holds"] == "holds"
     assert {*shown["blue"]} >= {
         "acoustics.range_std_m", "platform.gps_grade", "platform.gps_horizontal_markov_std_m",
         "target.speed_m_s",

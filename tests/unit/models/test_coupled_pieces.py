@@ -11,7 +11,7 @@ import pytest
 from coupled_reference import gradient, retracted, rotation
 from harness import Array
 from sblcosim.models import RECEIVERS
-from sblcosim.models.receiver import arc, lateness, pose, surroundings
+from sblcosim.models.receiver import arc, lateness, least_squares, pose, start, surroundings
 from sblcosim.models.receiver.surroundings import STATES
 from scipy.linalg import expm
 from scipy.stats import exponnorm, norm
@@ -189,6 +189,36 @@ def test_a_bent_range_has_the_moments_of_the_range(of_bearing: float, of_heading
     S = H @ P @ H + float(number(bent.variance)[0])
     assert number(bent.value)[0] == pytest.approx(ranges.mean(), abs=3e-3)
     assert np.sqrt(S) == pytest.approx(ranges.std(), rel=0.05)
+
+
+# --- Start ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("near", "worse", "last", "moves"), [
+    (3.0, 8.9, 1, True), (3.0, 9.1, 1, False), (3.0, 0.0, 0, False), (14.0, 0.0, 1, False),
+])
+def test_a_fix_moves_out_to_the_median_of_its_priors(
+    near: float, worse: float, last: int, moves: bool
+) -> None:
+    """A prior of 20 m, along the bearing, unless the ranges say that it is nearer."""
+    known = least_squares.Common(1 / 20**2, ca.SX([7.0, -2.0, 0.0]), 0.0)
+    fix = least_squares.Normal(
+        ca.SX([7.0 + 0.6 * near, -2.0 + 0.8 * near, 5.0]), ca.SX.eye(3), ca.SX.zeros(3), ca.SX(1.0),
+        ca.SX(0), ca.SX(0), ca.SX.zeros(3),
+    )
+
+    def linearised(place: Any) -> least_squares.Normal:
+        return least_squares.Normal(
+            place, 2 * ca.SX.eye(3), ca.SX.ones(3), ca.SX(1.0 + worse), ca.SX(3.0), ca.SX(4.0),
+            ca.SX.ones(3),
+        )
+
+    found = start._outward(fix, known, ca.SX(last), linearised)
+    length = norm.ppf(0.75) * 20 if moves else near
+    np.testing.assert_allclose(
+        number(found.position), [7.0 + 0.6 * length, -2.0 + 0.8 * length, 5.0], rtol=2e-5
+    )
+    assert number(found.alone)[0] == (4.0 if moves else 0.0)
 
 
 # --- Late ranges ---------------------------------------------------------------------------------
