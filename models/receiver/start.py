@@ -267,7 +267,7 @@ def _pass(p: Symbols, x: Symbols, u: Symbols, mean: Any, ping: Ping | None) -> V
 
     result = least_squares.improve(position, x.damping, linearised)
     last = ca.fmax(result.done, x.passes == 1)
-    fix = _outward(result.taken, known, last, linearised)
+    fix = outward(result.taken, known, last, linearised)
     degrees = ca.fmax(ca.sum1(s.heard[:DEPTH]) - 2, 1)
     # Samples that disagree get less weight. The assumption that the diver is near does not.
     doubt = reciprocal(ca.fmax(fix.cost / degrees, 1))
@@ -284,7 +284,7 @@ def _pass(p: Symbols, x: Symbols, u: Symbols, mean: Any, ping: Ping | None) -> V
     }
 
 
-def _outward(
+def outward(
     fix: Normal, known: least_squares.Common, last: Any, linearised: Callable[[Any], Normal]
 ) -> Normal:
     """A final fix, but not nearer than where the diver is as likely to be nearer as farther.

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Collection, Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from sblcosim.fmus import files
-
-from ..errors import ConfigurationError
 from ..scenario.scenario import Scenario
-from ..web.bundle import bundled, module
-from ..web.page import environment, hash_of, style
+from ..web.bundle import module
+from ..web.page import environment, filled, saved, style
 from .contents import contents
 
 MAIN = "explore/js/page"
@@ -40,18 +36,7 @@ def write(
     BuildError
         See `sblcosim.explore.contents.contents`.
     """
-    target = Path(file)
-    if target.suffix.lower() != ".html":
-        raise ConfigurationError(f"explore: must be a file .html, got {file}")
-    text = render(contents(scenario, receivers, beacons))
-    try:
-        files.make_folder(target.parent)
-        files.write_file(target, text.encode())
-    except OSError as error:
-        raise ConfigurationError(
-            f"explore: must be a file that can be written, got {file} ({error.strerror})"
-        ) from error
-    return target
+    return saved(file, "explore", lambda: render(contents(scenario, receivers, beacons)))
 
 
 def show(file: Path) -> None:
@@ -63,15 +48,9 @@ def show(file: Path) -> None:
 
 def render(told: dict[str, Any]) -> str:
     """Text of a page, from its contents."""
-    told = {**told, "worker": worker()}
-    # A script of data ends at the first tag that looks like its end.
-    data = json.dumps(told, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c")
+    template = environment().from_string(_source("explore.html.jinja"))
     css = f"{style()}\n{_source('explore.css')}"
-    script = f"\n{bundled(MAIN)}\n"
-    return environment().from_string(_source("explore.html.jinja")).render(
-        content=told, data=data, css=css, script=script,
-        hashes={"script": hash_of(script), "style": hash_of(css)},
-    )
+    return filled(template, {**told, "worker": worker()}, css, MAIN)
 
 
 def worker() -> str:

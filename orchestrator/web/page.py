@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from base64 import b64encode
+from collections.abc import Callable, Mapping
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
@@ -33,29 +34,62 @@ def write(played: Playback, file: str | Path) -> Path:
     ConfigurationError
         The file does not end in ``.html``, or cannot be written.
     """
+    return saved(file, "replay", lambda: render(played))
+
+
+def saved(file: str | Path, what: str, made: Callable[[], str]) -> Path:
+    """Write the text of a page, which is made once its name is known to be right.
+
+    Parameters
+    ----------
+    what
+        What makes the page, for messages.
+
+    Raises
+    ------
+    ConfigurationError
+        The file does not end in ``.html``, or cannot be written.
+    """
     target = Path(file)
     if target.suffix.lower() != ".html":
-        raise ConfigurationError(f"replay: must be a file .html, got {file}")
+        raise ConfigurationError(f"{what}: must be a file .html, got {file}")
+    text = made()
     try:
         files.make_folder(target.parent)
-        files.write_file(target, render(played).encode())
+        files.write_file(target, text.encode())
     except OSError as error:
         raise ConfigurationError(
-            f"replay: must be a file that can be written, got {file} ({error.strerror})"
+            f"{what}: must be a file that can be written, got {file} ({error.strerror})"
         ) from error
     return target
 
 
 def render(played: Playback) -> str:
     """Text of a page."""
-    told = content(played)
+    template = environment().get_template("replay.html.jinja")
+    return filled(template, content(played), style("replay.css"), "web/js/replay", played=played)
+
+
+def filled(
+    template: jinja2.Template, told: Mapping[str, Any], css: str, main: str, **more: Any
+) -> str:
+    """Text of a page: its template with data, style and script, and the hashes of the two.
+
+    Parameters
+    ----------
+    told
+        What its script reads.
+    main
+        Its module, see `sblcosim.web.bundle.bundled`.
+    more
+        What else the template has.
+    """
     # A script of data ends at the first tag that looks like its end.
     data = json.dumps(told, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c")
-    css = style("replay.css")
-    script = f"\n{bundled('web/js/replay')}\n"
-    return environment().get_template("replay.html.jinja").render(
-        played=played, content=told, data=data, css=css, script=script,
-        hashes={"script": hash_of(script), "style": hash_of(css)},
+    script = f"\n{bundled(main)}\n"
+    return template.render(
+        content=told, data=data, css=css, script=script,
+        hashes={"script": hash_of(script), "style": hash_of(css)}, **more,
     )
 
 

@@ -213,7 +213,7 @@ def test_a_fix_moves_out_to_the_median_of_its_priors(
             ca.SX.ones(3),
         )
 
-    found = start._outward(fix, known, ca.SX(last), linearised)
+    found = start.outward(fix, known, ca.SX(last), linearised)
     length = norm.ppf(0.75) * 20 if moves else near
     np.testing.assert_allclose(
         number(found.position), [7.0 + 0.6 * length, -2.0 + 0.8 * length, 5.0], rtol=2e-5
