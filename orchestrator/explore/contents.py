@@ -127,11 +127,15 @@ def refuse(scenario: Scenario) -> None:
 
 def given(scenario: Scenario) -> dict[str, Any]:
     """The keys that a scenario gives, by path; arrays are flat."""
-    return {
-        f"{name}.{key}": value
-        for name in TABLES for key, value in given_of(getattr(scenario, name)).items()
-        if value is not None and key not in ("fmu", "fmi", "parameters")
-    }
+    found: dict[str, Any] = {}
+    for name in TABLES:
+        table = getattr(scenario, name)
+        own = given_of(table)  # in no order
+        found |= {
+            f"{name}.{key}": own[key] for key in type(table).model_fields
+            if own.get(key) is not None and key not in ("fmu", "fmi", "parameters")
+        }
+    return found
 
 
 def _system(beacons: int, types: Sequence[str]) -> dict[str, Any]:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 import random
 import subprocess
+import sys
 import warnings
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -334,6 +336,23 @@ def test_what_a_page_cannot_have_is_refused(
 ) -> None:
     with pytest.raises(ConfigurationError, match=why):
         contents(load(NAME, given.items()), receivers, beacons)
+
+
+def test_equal_scenarios_give_equal_bytes() -> None:
+    """In any process, whatever the order of its sets."""
+    script = (
+        "from hashlib import sha256\nfrom sblcosim.explore import contents, page\n"
+        "from sblcosim.scenario.scenario import load\n"
+        f"text = page.render(contents.contents(load({NAME!r}), lanes=(2,)))\n"
+        "print(sha256(text.encode()).hexdigest())"
+    )
+    found = {
+        subprocess.run(
+            [sys.executable, "-c", script], env={**os.environ, "PYTHONHASHSEED": seed}, check=True,
+            capture_output=True, text=True,
+        ).stdout for seed in ("1", "2", "3")
+    }
+    assert len(found) == 1
 
 
 def test_a_page_has_all_keys_but_those_that_are_refused(told: Mapping[str, Any]) -> None:
