@@ -18,6 +18,7 @@ from sblcosim import ConfigurationError, Result, process
 from sblcosim.data.estimates import Estimates
 from sblcosim.data.record import Record
 from sblcosim.data.truth import of_record
+from sblcosim.explore import page as explorer
 from sblcosim.judge.definitions import of_position
 from sblcosim.judge.metrics import intact
 from sblcosim.processing import pages
@@ -256,18 +257,21 @@ def test_a_run_without_receivers_has_no_page() -> None:
         of_shape(record, [])
 
 
-def test_modules_are_bundled_each_after_those_that_it_imports() -> None:
-    text = bundle.bundled("web/js/replay")
+@pytest.mark.parametrize("room", ["web", "explore"])
+def test_modules_are_bundled_each_after_those_that_it_imports(room: str) -> None:
+    main = {"web": "web/js/replay", "explore": explorer.MAIN}[room]
+    text = bundle.bundled(main)
     names = re.findall(r"^modules\.(\w+) = ", text, re.MULTILINE)
-    folder = Path(page.__file__).parent / "js"
-    assert {*names} == {f"web_{path.stem}" for path in folder.glob("*.js")}  # none is unused
+    folder = Path(page.__file__).parents[1] / room / "js"
+    own = {name for name in names if name.startswith(f"{room}_")}
+    assert own == {f"{room}_{path.stem}" for path in folder.glob("*.js")}  # none is unused
     assert len({*names}) == len(names)
     for use in re.finditer(r"= modules\.(\w+);", text):
         before = text[: use.start()]
         assert f"modules.{use[1]} = (() =>" in before
     assert not re.search(r"^(?:import|export)\b", text, re.MULTILINE)
-    for name in names:
-        text = bundle.module(name.replace("web_", "web/js/"))
+    for name in own:
+        text = bundle.module(name.replace(f"{room}_", f"{room}/js/", 1))
         assert text.startswith("// ")  # says what it is
 
 
