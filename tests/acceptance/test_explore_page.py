@@ -205,6 +205,35 @@ def test_a_worker_that_ends_is_replaced(page: Path, tmp_path: Path) -> None:
     assert shown[2:] == [True, True]
 
 
+def test_a_worker_that_hangs_is_replaced(
+    page: Path, browsing: Callable[..., Tab], tmp_path: Path
+) -> None:
+    """The first one loops for ever from its second message on; waits of seconds are shortened."""
+    tab, script = Tab(tmp_path), f"""{HELPERS}
+      change($("count"), "{DIVES}");
+      await until(() => $("so-far").textContent === "{DIVES} dives");
+      return [$("within").textContent, $("half").textContent, window.workers > 1,
+        $("problem").hidden];"""
+    try:
+        tab.call("Page.addScriptToEvaluateOnNewDocument", source="""
+          window.workers = 0;
+          window.Worker = class extends Worker {
+            constructor(address) {
+              const loop = `let n = 0;
+                onmessage = () => { while (n); n = 1; postMessage({ id: 1 }); };`;
+              super(workers++ ? address : URL.createObjectURL(new Blob([loop])));
+            }
+          };
+          const wait = window.setTimeout;
+          window.setTimeout = (act, ms, ...of) => wait(act, ms < 1000 ? ms : ms / 10, ...of);""")
+        tab.open(page)
+        shown = tab.run(script)
+    finally:
+        tab.close()
+    assert shown[2:] == [True, True]
+    assert shown[:2] == browsing().run(script)[:2]
+
+
 REFUSED = {
     "acoustics.loss_probability": "1.5",
     "platform.gps_horizontal_markov_std_m": "much",

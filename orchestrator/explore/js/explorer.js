@@ -527,11 +527,8 @@ export class Explorer {
 
   async #pool(beacons) {
     if (!this.#makeWorker) return null;
-    const alive = this.#pools.get(beacons)?.workers.some((it) => !it.dead);
-    if (!alive) {
-      const workers = Array.from({ length: this.#workers }, this.#makeWorker);
-      this.#pools.set(beacons, new Pool(this.#engines.get(beacons), workers));
-    }
+    if (!this.#pools.has(beacons))
+      this.#pools.set(beacons, new Pool(this.#engines.get(beacons), this.#makeWorker, this.#workers));
     return this.#pools.get(beacons);
   }
 

@@ -18,7 +18,6 @@ import { Changes } from "./changes.js";
 import { showBuy, showVerdict, tell } from "./verdict.js";
 import { Water } from "./water.js";
 
-const RETRIES = 2;
 const NO_FIT = "The link has settings that do not fit this page: ";
 const PAUSE = 80; // ms without a change before many dives start
 
@@ -147,7 +146,7 @@ class Page {
 
   // --- Many dives -----------------------------------------------------------------------------------
 
-  async compute(again = RETRIES) {
+  async compute() {
     const { explorer } = this, [main] = explorer.receivers;
     explorer.cancel();
     const turn = ++this.turn;
@@ -165,9 +164,7 @@ class Page {
       tell(summary.receivers[main].p95, main);
       document.body.classList.remove("computing");
     } catch (error) {
-      if (turn !== this.turn) return;
-      if (again) await this.compute(again - 1); // a worker may end, when memory is short
-      else this.report(`The dives could not be computed: ${error.message}`);
+      if (turn === this.turn) this.report(`The dives could not be computed: ${error.message}`);
     }
   }
 
