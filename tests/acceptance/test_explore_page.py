@@ -99,8 +99,9 @@ def test_what_is_shown_are_the_numbers_of_the_command_line(
       const [receiver] = page.stage.run.receivers, last = receiver.epoch.length - 1;
       return {{ before, toml: page.explorer.toml(), command: $("command").textContent,
         within: $("within").textContent, half: $("half").textContent,
-        others: all("#others dd").map((it) => it.textContent),
-        whose: all("#others dt").map((it) => it.textContent), holds: $("holds").textContent,
+        compared: all("#compared tr").map((it) => [it.dataset.receiver,
+          ...[...it.querySelectorAll("td")].map((cell) => cell.textContent)]),
+        best: [$("best").textContent, $("best-note").textContent], holds: $("holds").textContent,
         blue: all("#controls .changed").map((it) => it.dataset.path), which: $("which").textContent,
         map: $("map").getAttribute("aria-label"),
         last: ["x", "y", "z"].map((k) => receiver.position[k][last]) }};
@@ -115,13 +116,59 @@ def test_what_is_shown_are_the_numbers_of_the_command_line(
     np.testing.assert_array_equal(result.judged["coupled"].estimates.position[-1], shown["last"])
     many = run_many(load(file), ("coupled", "ekf"), runs=DIVES)
     assert shown["within"] == f"{many.within_m['coupled']:.1f} m" != shown["before"]
-    assert shown["others"][0] == f"{many.within_m['ekf']:.1f} m"
-    assert shown["whose"][0] == "95 %, ekf; claimed error too small"
     assert shown["holds"] == "holds"
+    compared = {name: cells for name, *cells in shown["compared"]}
+    rms = {it: many.runs.table[f"{it}.absolute_total_rms_m"] for it in ("coupled", "ekf")}
+    for name, claim in (("coupled", "holds"), ("ekf", "too small")):
+        row = many.runs.level(NAME, name)
+        counts = [f"{row[it]} of {DIVES}" if row[it] else "none" for it in ("lost", "misleading")]
+        assert compared[name][0] == f"{many.within_m[name]:.1f} m"
+        assert compared[name][2:5] == [claim, *counts]
+    better = int((rms["ekf"] < rms["coupled"]).sum())
+    assert compared["ekf"][5] == (f"{better} of {DIVES}" if better else "none")
+    assert shown["best"] == ["coupled", f"better than ekf in {DIVES - better} of {DIVES} dives"]
     assert {*shown["blue"]} >= {
         "acoustics.range_std_m", "platform.gps_grade", "platform.gps_horizontal_markov_std_m",
         "target.speed_m_s",
     }
+
+
+def test_receivers_are_compared_and_chosen_where_they_are_compared(
+    browsing: Callable[..., Tab]
+) -> None:
+    """In the end a dive of 8 s: no receiver is called the best without a reason."""
+    shown = browsing(json.dumps({"receivers": ["ekf"]})).run(f"""{HELPERS}
+      change($("count"), "{DIVES}");
+      await settle();
+      await until(() => $("so-far").textContent === "{DIVES} dives");
+      const row = (name) => all("#compared tr").find((it) => it.dataset.receiver === name);
+      const told = () => [page.explorer.receivers, all("#compared tr").filter(
+        (it) => it.querySelector("td").textContent).map((it) => it.dataset.receiver),
+        $("main-receiver").value, row("coupled").classList.contains("own")];
+      const alone = told();
+      change(row("coupled").querySelector("input"), true);
+      await settle();
+      await until(() => $("so-far").textContent === "{DIVES} dives");
+      const two = told();
+      row("coupled").querySelector("button").click();
+      await settle();
+      const used = told();
+      change(field("platform.gps_grade").querySelector("select"), "rtk_fixed");
+      page.explorer.apply({{ given: {{ "time.duration_s": 8 }} }});
+      page.changed();
+      await settle();
+      await until(() => $("so-far").textContent === "{DIVES} dives");
+      return {{ alone, two, used, words: $("words-lost").textContent,
+        explained: all("#compared .note").every((it) => it.textContent.length > 20),
+        short: [$("best").textContent, $("best-note").textContent] }};
+    """)
+    assert shown["alone"] == [["ekf"], ["ekf", "raw"], "ekf", False]
+    assert shown["two"] == [["ekf", "coupled"], ["ekf", "coupled", "raw"], "ekf", False]
+    assert shown["used"][0] == ["coupled", "ekf"]
+    assert shown["used"][2:] == ["coupled", True]
+    assert shown["explained"]
+    assert "in its last quarter" in shown["words"]
+    assert shown["short"] == ["coupled or ekf", "no difference that is clear of chance"]
 
 
 def test_what_limits_the_receiver_and_what_to_buy_first_are_those_of_its_causes(

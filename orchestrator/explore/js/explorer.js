@@ -8,6 +8,7 @@
 //
 // Names and keys
 //   title, name, file          of the scenario; file: name of the scenario file
+//   words                      definitions for people: { lost, misleading }
 //   keys                       all declarations in order, see `declarations.py`: path, table, key,
 //                              words, unit, kind (number, integer, switch, choice, vector, matrix),
 //                              bounds {least, most, above, below}, choices, names, rows, columns,
@@ -99,6 +100,7 @@ export class Explorer {
     this.keys = contents.keys;
     this.byPath = new Map(contents.keys.map((it) => [it.path, it]));
     this.types = contents.types.map((it) => it === FIX ? RAW : it);
+    this.words = contents.words;
     this.counts = Object.keys(contents.systems).map(Number);
     this.#given = new Map(Object.entries(contents.given));
     this.#loaded = new Map(this.#given);

@@ -15,6 +15,7 @@ import { length } from "./phrases.js";
 import { ReceiverChoice } from "./receivers.js";
 import { SettingsList } from "./settings.js";
 import { Changes } from "./changes.js";
+import { Comparison } from "./compared.js";
 import { showBuy, showVerdict, tell } from "./verdict.js";
 import { Water } from "./water.js";
 
@@ -27,6 +28,7 @@ class Page {
     this.stage = new Stage(run, { title: explorer.title, kind: "total", keys: $("dive") });
     this.fields = makeControls(this);
     this.receivers = new ReceiverChoice(this);
+    this.comparison = new Comparison(this);
     this.beacons = new BeaconEditor(this);
     this.path = new PathEditor(this);
     this.water = new Water(this);
@@ -130,7 +132,7 @@ class Page {
       field.show();
       field.element.hidden = !hasEffect(this, field.key) && !changes.has(field.path);
     }
-    for (const part of [this.receivers, this.beacons, this.path, this.list]) part.show();
+    for (const part of [this.receivers, this.comparison, this.beacons, this.path, this.list]) part.show();
     $("reset-all").hidden = !explorer.link();
     if ($("seed-problem").hidden) $("seed").value = explorer.seed;
     put($("command"), explorer.command());
@@ -178,6 +180,7 @@ class Page {
     this.summary = { ...summary, main };
     const styles = Object.fromEntries(this.stage.run.receivers.map((it) => [it.label, it]));
     showVerdict(summary, styles, main);
+    this.comparison.take(summary.receivers, styles, main);
     put($("dives-note"), `${summary.done} dives, each with its own waves, noise and losses: seeds ${seedsOf(this.explorer.seed, summary.done)}.`);
     const { p50, p95 } = summary.receivers[main];
     $("histogram").setAttribute("aria-label", `Histogram of the errors of ${summary.done} dives with `
