@@ -9,6 +9,7 @@ import json
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -223,6 +224,121 @@ def test_the_water_is_coloured_when_asked(browsing: Callable[..., Tab]) -> None:
     assert shown["coloured"][0] > 2 * shown["before"]
     assert shown["coloured"][1:] == ["true", False]
     assert shown["after"] == [None, "false", True]
+
+
+def test_water_is_computed_where_one_looks_and_told_from_a_limit(
+    browsing: Callable[..., Tab]
+) -> None:
+    """Zoomed out, the colours grow; zoomed in, they get finer; a little changes nothing."""
+    shown = browsing(json.dumps({"receivers": ["ekf"]})).run(f"""{HELPERS}
+      const done = async () => {{
+        await until(() => / depth$/.test($("water-words").textContent));
+        const {{ north, east, size }} = page.water.cells;
+        return [north[0] - size / 2, north.at(-1) + size / 2, east[0] - size / 2,
+          east.at(-1) + size / 2, size];
+      }};
+      const seen = () => {{
+        const {{ view }} = page.stage, [south, west] = view.under(0, view.height);
+        const [north, east] = view.under(view.width, 0);
+        return [south, north, west, east];
+      }};
+      const colours = () => {{ const found = new Set(); const pen = {{ save() {{}}, restore() {{}},
+        beginPath() {{}}, moveTo() {{}}, lineTo() {{}}, closePath() {{}}, stroke() {{}},
+        fill() {{ found.add(this.fillStyle); }} }};
+        page.stage.state.under(pen, page.stage.view); return found.size; }};
+      $("colour").click();
+      const first = await done(), many = colours();
+      const {{ values }} = page.water.cells, limit = [...values].sort((a, b) => a - b)[
+        values.length >> 1].toFixed(1);
+      change($("water-limit"), limit.replace(".", ","));
+      const two = [colours(), $("water-words").textContent,
+        values.filter((it) => it <= limit).length / values.length,
+        page.stage.state.under.legend.map((it) => it.label), limit];
+      change($("water-limit"), "-1");
+      const wrong = [$("water-problem").textContent, $("water-limit").getAttribute("aria-invalid"),
+        colours()];
+      change($("water-limit"), "");
+      const none = [colours(), $("water-problem").hidden];
+      page.stage.view.magnify(1.3);
+      page.stage.drawMap();
+      await sleep(600);
+      const near = await done();
+      for (let i = 0; i < 4; i++) $("farther").click();
+      await until(() => /computing|done/.test($("water-words").textContent));
+      const wide = await done(), view = seen();
+      for (let i = 0; i < 6; i++) $("nearer").click();
+      await until(() => /computing|done/.test($("water-words").textContent));
+      return {{ first, many, two, wrong, none, near, wide, view, fine: (await done())[4] }};
+    """)
+    assert shown["many"] > 20
+    assert shown["two"][0] == 2
+    within = shown["two"][2]
+    assert 0 < within < 1
+    assert shown["two"][1].startswith(f"{100 * within:.0f} % of what is seen is within it")
+    assert shown["two"][3][-2:] == [f"95 % error within {shown['two'][4]} m", "beyond"]
+    assert shown["wrong"] == ["limit: must be a number above 0, got '-1'", "true", 2]
+    assert shown["none"] == [shown["many"], True]
+    assert shown["near"] == shown["first"]
+    south, north, west, east, size = shown["wide"]
+    assert size > 2 * shown["first"][4]
+    np.testing.assert_allclose([south, north, west, east], shown["view"], atol=size)
+    assert shown["fine"] < size / 2
+
+
+def test_labels_of_the_histogram_never_cover_each_other(browsing: Callable[..., Tab]) -> None:
+    """Receivers at random, in pictures of any width."""
+    shown = browsing().run("""
+      const { marksOf } = modules.explore_histogram, found = [];
+      let state = 7;
+      const random = () => (state = (state * 16807) % 2147483647) / 2147483647;
+      for (let i = 0; i < 500; i++) {
+        const width = 150 + 700 * random(), end = 0.1 + 20 * random();
+        const receivers = Array.from({ length: 1 + Math.floor(7 * random()) }, (_, k) => (
+          { label: ["ekf", "coupled", "long_baseline"][k % 3], p95: end * random() ** 0.3 }));
+        found.push([width, receivers.length, marksOf(receivers, (m) => 12 + (width - 24) * m / end,
+          width, (text) => 6.5 * text.length).map((it) => [it.row, it.from, it.to, it.at])]);
+      }
+      return found;
+    """)
+    for width, count, marks in shown:
+        assert len(marks) == count
+        for i, (row, start, end, at) in enumerate(marks):
+            assert min(abs(start - at), abs(end - at)) == pytest.approx(5)
+            assert end <= width or start - 10 - (end - start) < 0
+            assert all(other[0] != row or end < other[1] or other[2] < start for other in marks[:i])
+
+
+def test_every_figure_is_saved_as_png_and_svg(browsing: Callable[..., Tab]) -> None:
+    found = browsing().run(f"""{HELPERS}
+      change($("count"), "{DIVES}");
+      await settle();
+      await computed();
+      const saved = {{}}, texts = {{}};
+      let blob;
+      URL.createObjectURL = (it) => {{ blob = it; return "blob:none"; }};
+      HTMLAnchorElement.prototype.click = function () {{ saved[this.download] = blob; }};
+      const buttons = all("[data-save]");
+      for (const button of buttons) button.click();
+      await until(() => Object.keys(saved).length === buttons.length);
+      for (const [name, it] of Object.entries(saved))
+        texts[name] = name.endsWith("svg") ? await it.text() : (await createImageBitmap(it)).width;
+      return {{ texts, figures: all("canvas, #causes, #beacons-picture").length, causes:
+        all("#causes li b").map((it) => it.textContent) }};
+    """)
+    texts = found["texts"]
+    assert len(texts) == 2 * found["figures"] == 10
+    for name, text in texts.items():
+        if name.endswith("png"):
+            assert text > 400, name
+            continue
+        ElementTree.fromstring(text)
+        assert "NaN" not in text
+        assert "undefined" not in text
+        words = {"causes": [*found["causes"], "95 % interval", "what limits coupled"],
+                 "dives": ["95 % within", f"errors of {DIVES} dives"],
+                 "beacons": ["1: 3, 0, 0.5 m", "grid 1 m", "forward"]}
+        for it in words.get(name.removesuffix(".svg"), []):
+            assert f">{it}<" in text or it in text, (name, it)
 
 
 def test_a_worker_that_ends_is_replaced(page: Path, tmp_path: Path) -> None:

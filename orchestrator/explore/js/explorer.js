@@ -42,8 +42,9 @@
 //                              interval, clear } of better equipment, or null; first: the name of the
 //                              cause whose better equipment gains most, clear of chance, or null
 //   possible()                 null: not part of a page
-//   water(grid, onPart)        async, of the first receiver; 95 % error by place:
-//                              { north, east, size, depth, values, n, done }
+//   water(grid, onPart, wanted) async, of the first receiver; 95 % error by place:
+//                              { north, east, size, depth, values, n, done }; null as soon as
+//                              `wanted()` no longer says true
 //   cancel()                   stop what workers do
 
 import { Engine, Pool } from "../../wasm/engine.js";
@@ -543,7 +544,7 @@ export class Explorer {
   }
 
   /** 95 % error of the first receiver by place, as of `sblcosim map`; see the head of this file. */
-  async water(grid, onPart = () => {}) { return waterOf(this.#laboratory(), grid, onPart); }
+  async water(grid, onPart = () => {}, wanted) { return waterOf(this.#laboratory(), grid, onPart, wanted); }
 
   // What dives of the first receiver need, as long as the state holds.
   #laboratory() {

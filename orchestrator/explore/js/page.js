@@ -5,11 +5,11 @@ import { Stage } from "../../web/js/stage.js";
 import { lookOf } from "../../web/js/style.js";
 import { surface } from "../../web/js/surface.js";
 import { BeaconEditor } from "./beacons.js";
-import { showCauses } from "./causes.js";
+import { causesPicture, showCauses } from "./causes.js";
 import { hasEffect, makeControls } from "./controls.js";
 import { $, download, element, put, swatch } from "./dom.js";
 import { Explorer } from "./explorer.js";
-import { drawHistogram } from "./histogram.js";
+import { drawHistogram, histogramPicture } from "./histogram.js";
 import { PathEditor } from "./path.js";
 import { length } from "./phrases.js";
 import { ReceiverChoice } from "./receivers.js";
@@ -55,9 +55,11 @@ class Page {
     $("count").addEventListener("change", () => this.compute());
     $("seed").addEventListener("change", () => this.seed($("seed").value.trim()));
     $("next-seed").addEventListener("click", () => this.seed(this.explorer.seed + 1));
-    document.querySelectorAll('[data-save^="histogram "]').forEach((button) => {
-      button.addEventListener("click", () => this.saveHistogram(button.dataset.save.split(" ")[1]));
-    });
+    for (const name of Object.keys(this.pictures)) {
+      document.querySelectorAll(`[data-save^="${name} "]`).forEach((button) => {
+        button.addEventListener("click", () => this.save(name, button.dataset.save.split(" ")[1]));
+      });
+    }
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.drawHistogram());
     addEventListener("hashchange", () => this.follow());
   }
@@ -172,6 +174,7 @@ class Page {
 
   takeCauses(found, turn) {
     if (turn !== this.turn) return;
+    this.causes = found.causes;
     showCauses(found.causes, found);
     put($("then"), `${found.done} of ${found.n} dives without each cause`);
   }
@@ -201,13 +204,21 @@ class Page {
     if (this.size) drawHistogram(this.histogram.pen, this.size, this.compared, lookOf(document.body));
   }
 
-  async saveHistogram(kind) {
-    const look = lookOf(document.body), compared = this.compared;
-    await savePicture(kind, "dives", {
-      ...this.size, look, title: `${this.explorer.title}, errors of ${this.summary.done} dives`,
-      legend: compared.map((it) => ({ label: it.label, colour: look.of(it), dash: it.dash, mark: "line" })),
-      draw: (pen) => drawHistogram(pen, this.size, compared, look),
-    });
+  // Pictures of the page itself; those of one dive are of its stage.
+  get pictures() {
+    const { title, receivers: [main] } = this.explorer;
+    return {
+      histogram: (look) => ({ name: "dives", title: `${title}, errors of ${this.summary.done} dives`,
+        ...histogramPicture(this.size, this.compared, look) }),
+      causes: (look) => ({ name: "causes", title: `${title}, what limits ${main}`, ...causesPicture(this.causes, look) }),
+      beacons: (look) => ({ name: "beacons", title: `${title}, beacons: forward, right, down`, ...this.beacons.pictureOf(look) }),
+    };
+  }
+
+  async save(name, kind) {
+    if (name !== "beacons" && !(this.summary && this.causes)) return; // not known yet
+    const { name: file, ...picture } = this.pictures[name](lookOf(document.body));
+    await savePicture(kind, file, picture);
   }
 }
 
