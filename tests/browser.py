@@ -28,7 +28,8 @@ for end, place in zip(ends, (3, 4)):
 os.execv(sys.argv[3], sys.argv[3:])
 """
 """Moves the ends of the pipes to where Chromium looks for them."""
-_KEYS = {" ": (32, "Space", " "), "Home": (36, "Home", ""), "End": (35, "End", ""),
+_KEYS = {" ": (32, "Space", " "), "Enter": (13, "Enter", "\r"),
+         "Home": (36, "Home", ""), "End": (35, "End", ""),
          "PageUp": (33, "PageUp", ""), "PageDown": (34, "PageDown", ""),
          "ArrowLeft": (37, "ArrowLeft", ""), "ArrowUp": (38, "ArrowUp", ""),
          "ArrowRight": (39, "ArrowRight", ""), "ArrowDown": (40, "ArrowDown", "")}

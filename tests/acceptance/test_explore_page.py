@@ -596,6 +596,48 @@ def test_paths_are_read_from_files(browsing: Callable[..., Tab]) -> None:
     assert shown[4][0] == shown[1][0]
 
 
+def test_arms_of_the_platform_take_moved_beacons_back(browsing: Callable[..., Tab]) -> None:
+    """After a beacon was moved, a length of the arms has an effect again: on a cross."""
+    shown = browsing().run(f"""{HELPERS}
+      const own = field("platform.arm_length_m"), told = () => [own.hidden, page.explorer.arms];
+      const arms = page.explorer.arms;
+      arms[0][1] = 1;
+      await page.beacons.place([...arms, [2, 2, 0.5]].slice(0, 4));
+      await settle();
+      const moved = told();
+      change(own.querySelector("input[type=text]"), "5");
+      await settle();
+      return {{ moved, back: told(), changed: page.changes.all,
+        problem: own.querySelector(".refused").textContent }};
+    """)
+    assert shown["moved"] == [False, [[3, 1, 0.5], [0, 3, 0.5], [-3, 0, 0.5], [0, -3, 0.5]]]
+    assert shown["back"] == [False, [[5, 0, 0.5], [0, 5, 0.5], [-5, 0, 0.5], [0, -5, 0.5]]]
+    assert shown["changed"] == ["platform.arm_length_m"]
+    assert shown["problem"] == ""
+
+
+def test_what_a_control_means_is_told_to_those_who_ask(browsing: Callable[..., Tab]) -> None:
+    tab = browsing()
+    shown = tab.run(f"""{HELPERS}
+      const buttons = all("#controls .what"), about = (it) => $(it.getAttribute("aria-controls"));
+      buttons[1].focus();
+      return [buttons.length, all("#controls .field").length, buttons.every((it) =>
+        about(it).hidden && about(it).textContent.length > 20), buttons.map(
+          (it) => it.getAttribute("aria-label"))];
+    """)
+    assert shown[0] == shown[1] > 12
+    assert shown[2]
+    assert len({*shown[3]}) == shown[0]
+    asked = """const it = document.activeElement, about = document.getElementById(
+      it.getAttribute("aria-controls")); return [about.checkVisibility(), about.textContent,
+      it.getAttribute("aria-expanded")]"""
+    tab.key("Enter")
+    assert tab.run(asked)[0::2] == [True, "true"]
+    assert "drifts" in tab.run(asked)[1]
+    tab.key("Enter")
+    assert tab.run(asked)[0::2] == [False, "false"]
+
+
 @pytest.mark.parametrize("dark", [False, True])
 @pytest.mark.parametrize("width", [1400, 390])
 def test_the_page_fits_its_window_and_every_control_has_a_name(

@@ -5,16 +5,13 @@
 // The picture is the platform from above, forward is up. Lengths are whole centimetres.
 
 import { line, roundStep, write } from "../../web/js/pen.js";
+import { PLACES } from "./controls.js";
 import { $, element, put, shape } from "./dom.js";
 import { typed } from "./phrases.js";
 
 const SIZE = 260, LEAST = 3;
 const AXES = ["forward", "right", "down"];
 const MOVES = { ArrowUp: [1, 0], ArrowDown: [-1, 0], ArrowRight: [0, 1], ArrowLeft: [0, -1] };
-const KEYS = [
-  ...["beacon_m", "beacons", "arrangement", "beacon_scale", "mounting_error_m"].map((it) => `platform.${it}`),
-  "acoustics.slot_order", "receiver.beacon_offset_m",
-]; // that change with the beacons
 const centimetres = (x) => Math.round(x * 100) / 100;
 
 export class BeaconEditor {
@@ -25,7 +22,7 @@ export class BeaconEditor {
     $("beacons-picture").append(this.picture);
     $("add-beacon").addEventListener("click", () => this.add());
     $("reset-beacons").addEventListener("click", () => {
-      this.tell(page.changes.reset(...KEYS.filter((it) => page.changes.keys.has(it))));
+      this.tell(page.changes.reset(...PLACES.filter((it) => page.changes.keys.has(it))));
       page.changed();
     });
     this.show();
@@ -74,10 +71,11 @@ export class BeaconEditor {
     if (focused >= 0) marks[focused].focus();
     this.showRows(arms);
     $("add-beacon").disabled = !this.counts.includes(count + 1);
-    const more = this.counts.length > 1 ? "" : "; the option --beacons makes pages that can have others";
-    put($("beacons-note"), `${count} beacons; this page can have ${this.counts.join(", ")}${more}.`);
+    $("beacons-note").replaceChildren(...this.counts.length > 1
+      ? [`${count} beacons; this page can have ${this.counts.join(", ")}.`]
+      : ["A page made with ", element("code", {}, "--beacons"), " can have more or fewer beacons."]);
     const { changes } = this.page;
-    $("reset-beacons").hidden = !KEYS.some((it) => changes.has(it));
+    $("reset-beacons").hidden = !PLACES.some((it) => changes.has(it));
   }
 
   at([x, y]) { return [SIZE / 2 + this.scale * y, SIZE / 2 - this.scale * x]; }

@@ -6,7 +6,7 @@ import { lookOf } from "../../web/js/style.js";
 import { surface } from "../../web/js/surface.js";
 import { BeaconEditor } from "./beacons.js";
 import { causesPicture, showCauses } from "./causes.js";
-import { hasEffect, makeControls } from "./controls.js";
+import { isShown, makeControls } from "./controls.js";
 import { $, download, element, put, swatch } from "./dom.js";
 import { Explorer } from "./explorer.js";
 import { drawHistogram, histogramPicture } from "./histogram.js";
@@ -132,7 +132,7 @@ class Page {
     const { explorer, changes } = this;
     for (const field of this.fields) {
       field.show();
-      field.element.hidden = !hasEffect(this, field.key) && !changes.has(field.path);
+      field.element.hidden = !isShown(this, field);
     }
     for (const part of [this.receivers, this.comparison, this.beacons, this.path, this.list]) part.show();
     $("reset-all").hidden = !explorer.link();
