@@ -14,7 +14,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 import sblcosim
-from browser import BROWSER, Tab
+from browser import BROWSER, FIREFOX, Fox, Tab
+from explored import values
 from sblcosim.comparison.many.run import run_many
 from sblcosim.errors import SblcosimError
 from sblcosim.explore.contents import contents
@@ -132,6 +133,60 @@ def test_what_is_shown_are_the_numbers_of_the_command_line(
         "acoustics.range_std_m", "platform.gps_grade", "platform.gps_horizontal_markov_std_m",
         "target.speed_m_s",
     }
+
+
+BITS = """
+const bits = (it) => {
+  const bytes = new Uint8Array(it.buffer, it.byteOffset, it.byteLength);
+  let text = "";
+  for (let i = 0; i < bytes.length; i += 8192)
+    text += String.fromCharCode(...bytes.subarray(i, i + 8192));
+  return btoa(text);
+};
+"""
+
+
+@pytest.mark.skipif(FIREFOX is None, reason="needs Firefox")
+def test_firefox_gives_the_bits_of_the_command_line(page: Path, tmp_path: Path) -> None:
+    """From a file, with workers: the record of a dive and the errors of many, and pictures."""
+    fox = Fox(tmp_path)
+    try:
+        fox.open(page)
+        shown = fox.run(f"""{HELPERS} {BITS}
+          change($("count"), "{DIVES}");
+          change(field("platform.gps_grade").querySelector("select"), "sbas");
+          change($("seed"), "11");
+          await settle();
+          await until(() => $("so-far").textContent === "{DIVES} dives");
+          const {{ receivers }} = page.summary, {{ values }} = page.explorer.record();
+          const drawn = (id) => new Set($(id).getContext("2d").getImageData(
+            0, 0, $(id).width, $(id).height).data).size;
+          return {{ toml: page.explorer.toml(), within: $("within").textContent,
+            best: $("best").textContent,
+            record: Object.fromEntries(Object.entries(values).map(([key, it]) => [key, bits(it)])),
+            each: Object.fromEntries(Object.entries(receivers).map(([key, {{ each }}]) => [key, [
+              bits(Float64Array.from(each.rms)), bits(Float64Array.from(each.p95))]])),
+            colours: ["map", "errors", "histogram"].map(drawn), problem: $("problem").textContent,
+            wide: document.documentElement.scrollWidth <= innerWidth }};
+        """)
+    finally:
+        fox.close()
+    file = tmp_path / "scenario.toml"
+    file.write_text(shown["toml"])
+    record = sblcosim.run(file, ["coupled", "ekf"]).record.values
+    assert shown["record"].keys() == record.keys()
+    for name, expected in record.items():
+        np.testing.assert_array_equal(values(shown["record"][name], expected), expected, name)
+    many = run_many(load(file), ("coupled", "ekf"), runs=DIVES)
+    for name in ("coupled", "ekf"):
+        for found, kind in zip(shown["each"][name], ("rms", "p95"), strict=True):
+            expected = many.runs.table[f"{name}.absolute_total_{kind}_m"].to_numpy()
+            np.testing.assert_array_equal(values(found, expected), expected)
+    assert shown["within"] == f"{many.within_m['coupled']:.1f} m"
+    assert shown["best"] == "coupled"
+    assert min(shown["colours"]) > 20
+    assert shown["problem"] == ""
+    assert shown["wide"]
 
 
 def test_receivers_are_compared_and_chosen_where_they_are_compared(
