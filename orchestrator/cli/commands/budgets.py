@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ...errors import check_choice
+from ...errors import ConfigurationError, check_choice
 from ..common import completion
 from ..common.app import (
     ForceOption,
@@ -25,10 +25,14 @@ from ..common.app import (
     one_receiver,
     overrides,
     report,
+    say,
     unless_other,
     waiting,
 )
 from ..common.keeping import keeping
+
+if TYPE_CHECKING:
+    from ...scenario.scenario import Scenario
 
 
 def _sources(incomplete: str) -> completion.Offers:
@@ -118,3 +122,23 @@ def budget(
             found.of(frame)  # refused before anything is written
             folder = found.save(wanted, figures=not no_figures, other=other)
     report(found, folder, wanted, as_json, verbose, frame=frame)
+    if not as_json and _is_explorable(settled, found.receiver):
+        from ...report.common import PLAY, explore
+
+        given = [*(("--receiver", chosen) if chosen else ())]
+        for key in overrides(set_, seed):
+            given += ["--set", key]
+        say(f"{PLAY} {explore(scenario, *given)}")
+
+
+def _is_explorable(scenario: Scenario, receiver: str) -> bool:
+    """Whether a page can have the scenario and the receiver."""
+    from sblcosim.models import RECEIVERS
+
+    from ...explore.contents import refuse
+
+    try:
+        refuse(scenario)
+    except ConfigurationError:
+        return False
+    return receiver in RECEIVERS

@@ -31,6 +31,7 @@ from sblcosim.limits.run import of_run
 from sblcosim.models import COMPONENTS
 from sblcosim.models.acoustics import clock
 from sblcosim.models.platform import gps, imu
+from sblcosim.report.common import PLAY
 from sblcosim.scenario.error_sources import SOURCES
 from sblcosim.scenario.scenario import load, shipped
 from sblcosim.scenario.wiring import connect
@@ -877,11 +878,14 @@ def invoke(*arguments: str) -> Any:
 
 def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    keys = (f"--set={key}={value}" for key, value in SHORT.items())
+    keys = [f"--set={key}={value}" for key, value in SHORT.items()]
     options = (*keys, "--runs", str(RUNS), "--no-figures")
     printed = invoke(DIVE, *options)
     assert printed.exit_code == 0, printed.output
-    assert printed.stdout == f"{_found().text()}\n\nwritten to runs/realistic-dive-budget\n"
+    play = f"sblcosim explore realistic-dive {' '.join(keys).replace('--set=', '--set ')}"
+    assert printed.stdout == (
+        f"{_found().text()}\n\nwritten to runs/realistic-dive-budget\n{PLAY} {play}\n"
+    )
     with_json = invoke(DIVE, *options, "--json", "--better", "--with", "clock+sound-speed")
     document = json.loads(with_json.stdout)
     Draft202012Validator(schema("budget")).validate(document)
@@ -889,6 +893,17 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     expected = _found(better=True, together=("clock+sound speed",)).to_json()
     assert {k: v for k, v in document.items() if k != "folder"} == expected
     assert document["answers"]["absolute"] == _found(better=True).answer
+
+
+def test_a_scenario_that_no_page_can_have_is_not_to_be_explored(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    track = {"track_time_s": [0.0, 60.0], "track_m": [[0.0, 0.0], [5.0, 1.0]]}
+    keys = (f"--set=platform.{key}={value}" for key, value in track.items())
+    printed = invoke(PAPER, *keys, "--set=time.duration_s=60", "--runs", str(RUNS), "--no-figures")
+    assert "written to" in printed.stdout
+    assert PLAY not in printed.stdout
 
 
 @pytest.mark.parametrize(
