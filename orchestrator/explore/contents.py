@@ -127,6 +127,15 @@ def refuse(scenario: Scenario) -> None:
         )
 
 
+def is_possible(scenario: Scenario, receiver: str) -> bool:
+    """Whether a page can have a scenario and a receiver."""
+    try:
+        refuse(scenario)
+    except ConfigurationError:
+        return False
+    return receiver in RECEIVERS
+
+
 def given(scenario: Scenario) -> dict[str, Any]:
     """The keys that a scenario gives, by path; arrays are flat."""
     found: dict[str, Any] = {}

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from ...errors import ConfigurationError, check_choice
+from ...errors import check_choice
 from ..common import completion
 from ..common.app import (
     ForceOption,
@@ -30,9 +30,6 @@ from ..common.app import (
     waiting,
 )
 from ..common.keeping import keeping
-
-if TYPE_CHECKING:
-    from ...scenario.scenario import Scenario
 
 
 def _sources(incomplete: str) -> completion.Offers:
@@ -99,6 +96,8 @@ def budget(
         from ... import artifacts
         from ...comparison.budget import run as budgets
         from ...comparison.budget.result import FRAMES
+        from ...explore import contents as pages
+        from ...report.common import PLAY, explore
         from ...scenario.scenario import load
 
         check_choice("frame", frame, [*FRAMES])
@@ -122,23 +121,9 @@ def budget(
             found.of(frame)  # refused before anything is written
             folder = found.save(wanted, figures=not no_figures, other=other)
     report(found, folder, wanted, as_json, verbose, frame=frame)
-    if not as_json and _is_explorable(settled, found.receiver):
-        from ...report.common import PLAY, explore
-
+    if not as_json and pages.is_possible(settled, found.receiver):
         given = [*(("--receiver", chosen) if chosen else ())]
         for key in overrides(set_, seed):
             given += ["--set", key]
         say(f"{PLAY} {explore(scenario, *given)}")
 
-
-def _is_explorable(scenario: Scenario, receiver: str) -> bool:
-    """Whether a page can have the scenario and the receiver."""
-    from sblcosim.models import RECEIVERS
-
-    from ...explore.contents import refuse
-
-    try:
-        refuse(scenario)
-    except ConfigurationError:
-        return False
-    return receiver in RECEIVERS

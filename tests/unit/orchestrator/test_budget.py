@@ -895,17 +895,6 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert document["answers"]["absolute"] == _found(better=True).answer
 
 
-def test_a_scenario_that_no_page_can_have_is_not_to_be_explored(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    track = {"track_time_s": [0.0, 60.0], "track_m": [[0.0, 0.0], [5.0, 1.0]]}
-    keys = (f"--set=platform.{key}={value}" for key, value in track.items())
-    printed = invoke(PAPER, *keys, "--set=time.duration_s=60", "--runs", str(RUNS), "--no-figures")
-    assert "written to" in printed.stdout
-    assert PLAY not in printed.stdout
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
