@@ -1,12 +1,14 @@
-"""A real browser without a network, for tests of pages."""
+"""Real browsers without a network, for tests of pages."""
 
 from __future__ import annotations
 
 import json
 import os
 import shutil
+import socket
 import subprocess
 import sys
+import time
 from base64 import b64decode
 from pathlib import Path
 from tempfile import mkdtemp
@@ -16,6 +18,17 @@ BROWSER = next(
     filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
 )
 """Path of Chromium, or None."""
+FIREFOX = next(filter(None, map(shutil.which, ("firefox-esr", "firefox"))), None)
+"""Path of Firefox, or None."""
+_PREFERENCES = {
+    "marionette.port": 0, "network.proxy.type": 1, "network.proxy.http": "127.0.0.1",
+    "network.proxy.http_port": 9, "network.proxy.ssl": "127.0.0.1", "network.proxy.ssl_port": 9,
+}
+_HELPERS = (
+    "const sleep = (ms) => new Promise((done) => setTimeout(done, ms));"
+    "const frame = () => new Promise((done) =>"
+    " requestAnimationFrame(() => requestAnimationFrame(done)));"
+)
 _OPTIONS = (
     "--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage",
     "--host-resolver-rules=MAP * ~NOTFOUND", "--proxy-server=127.0.0.1:9",
@@ -28,7 +41,8 @@ for end, place in zip(ends, (3, 4)):
 os.execv(sys.argv[3], sys.argv[3:])
 """
 """Moves the ends of the pipes to where Chromium looks for them."""
-_KEYS = {" ": (32, "Space", " "), "Home": (36, "Home", ""), "End": (35, "End", ""),
+_KEYS = {" ": (32, "Space", " "), "Enter": (13, "Enter", "\r"),
+         "Home": (36, "Home", ""), "End": (35, "End", ""),
          "PageUp": (33, "PageUp", ""), "PageDown": (34, "PageDown", ""),
          "ArrowLeft": (37, "ArrowLeft", ""), "ArrowUp": (38, "ArrowUp", ""),
          "ArrowRight": (39, "ArrowRight", ""), "ArrowDown": (40, "ArrowDown", "")}
@@ -54,8 +68,45 @@ def dumped(place: Path, page: Path, *options: str) -> tuple[str, str]:
     return browse(place, *options, "--virtual-time-budget=20000", "--dump-dom", page.as_uri())
 
 
-class Tab:
-    """A page in a browser of its own, driven as people do, over Chromium's debugging pipe.
+class Driver:
+    """A page in a browser of its own."""
+
+    complaints: list[str]
+
+    def navigate(self, address: str) -> None:
+        """Go to an address."""
+        raise NotImplementedError
+
+    def run(self, script: str) -> Any:
+        """What a script returns, the body of an asynchronous function.
+
+        ``await frame()`` waits for the next picture, ``await sleep(ms)`` for a time.
+        """
+        raise NotImplementedError
+
+    def close(self) -> None:
+        """End the browser."""
+        raise NotImplementedError
+
+    def open(self, page: Path, link: str = "") -> None:
+        """Show a page, and wait until it is ready: its body has that class.
+
+        Parameters
+        ----------
+        link
+            What follows ``#`` in the address.
+        """
+        self.navigate(page.as_uri() + (f"#{link}" if link else ""))
+        ready = self.run(
+            "const ready = () => document.body?.classList.contains('ready');"
+            "for (let i = 0; i < 15000 && !ready(); i++) await sleep(20);"
+            "await frame(); return ready()"
+        )
+        assert ready, f"the page is not ready: {self.complaints}"
+
+
+class Tab(Driver):
+    """A page in Chromium, driven as people do, over its debugging pipe.
 
     Attributes
     ----------
@@ -130,34 +181,14 @@ class Tab:
             case "Network.requestWillBeSent":
                 self.asked.append(told["request"]["url"])
 
-    def open(self, page: Path, link: str = "") -> None:
-        """Show a page, and wait until it is ready: its body has that class.
-
-        Parameters
-        ----------
-        link
-            What follows ``#`` in the address.
-        """
-        self.call("Page.navigate", url=page.as_uri() + (f"#{link}" if link else ""))
-        ready = self.run(
-            "const ready = () => document.body?.classList.contains('ready');"
-            "for (let i = 0; i < 15000 && !ready(); i++) await sleep(20);"
-            "await frame(); return ready()"
-        )
-        assert ready, f"the page is not ready: {self.complaints}"
+    def navigate(self, address: str) -> None:
+        """Go to an address."""
+        self.call("Page.navigate", url=address)
 
     def run(self, script: str) -> Any:
-        """What a script returns, the body of an asynchronous function.
-
-        ``await frame()`` waits for the next picture, ``await sleep(ms)`` for a time.
-        """
-        helpers = (
-            "const sleep = (ms) => new Promise((done) => setTimeout(done, ms));"
-            "const frame = () => new Promise((done) =>"
-            " requestAnimationFrame(() => requestAnimationFrame(done)));"
-        )
+        """See `Driver.run`."""
         told = self.call("Runtime.evaluate", awaitPromise=True, returnByValue=True,
-                         expression=f"(async () => {{ {helpers} {script} }})()")
+                         expression=f"(async () => {{ {_HELPERS} {script} }})()")
         assert "exceptionDetails" not in told, told["exceptionDetails"]
         return told["result"].get("value")
 
@@ -194,3 +225,72 @@ class Tab:
         """Save what is shown as PNG."""
         told = self.call("Page.captureScreenshot", format="png")
         file.write_bytes(b64decode(told["data"]))
+
+
+class Fox(Driver):
+    """A page in Firefox, over its remote protocol: messages in JSON, each after its length."""
+
+    def __init__(self, folder: Path) -> None:
+        assert FIREFOX is not None
+        self.complaints = []
+        profile = Path(mkdtemp(dir=folder))
+        (profile / "user.js").write_text("".join(
+            f"user_pref({json.dumps(name)}, {json.dumps(it)});" for name, it in _PREFERENCES.items()
+        ))
+        self._process = subprocess.Popen(
+            [FIREFOX, "--headless", "--marionette", "--no-remote", "--profile", str(profile)],
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        )
+        self._socket, self._rest, self._count = self._connected(profile), b"", 0
+        self._next()  # a greeting
+        self.call("NewSession", capabilities={})
+        self.call("SetTimeouts", script=600_000)
+
+    def _connected(self, profile: Path) -> socket.socket:
+        told = profile / "MarionetteActivePort"
+        while not (told.exists() and told.read_text()):
+            assert self._process.poll() is None, "the browser has ended"
+            time.sleep(0.05)
+        return socket.create_connection(("127.0.0.1", int(told.read_text())))
+
+    def close(self) -> None:
+        """End the browser."""
+        self._socket.close()
+        self._process.kill()
+        self._process.wait()
+
+    def call(self, command: str, **parameters: Any) -> Any:
+        """The answer to a command of WebDriver."""
+        self._count += 1
+        told = json.dumps([0, self._count, f"WebDriver:{command}", parameters]).encode()
+        self._socket.sendall(b"%d:%b" % (len(told), told))
+        _, number, wrong, answer = self._next()
+        assert number == self._count
+        assert wrong is None, wrong
+        return answer
+
+    def _next(self) -> Any:
+        while b":" not in self._rest:
+            self._receive()
+        size, _, self._rest = self._rest.partition(b":")
+        while len(self._rest) < int(size):
+            self._receive()
+        told, self._rest = self._rest[: int(size)], self._rest[int(size) :]
+        return json.loads(told)
+
+    def _receive(self) -> None:
+        some = self._socket.recv(1 << 20)
+        assert some, "the browser has ended"
+        self._rest += some
+
+    def navigate(self, address: str) -> None:
+        """Go to an address."""
+        self.call("Navigate", url=address)
+
+    def run(self, script: str) -> Any:
+        """See `Driver.run`."""
+        done = (f"(async () => {{ {_HELPERS} {script} }})().then((it) => arguments[0]([it]),"
+                " (error) => arguments[0](`${error}`));")
+        found = self.call("ExecuteAsyncScript", script=done, args=[], sandbox=None)["value"]
+        assert isinstance(found, list), found
+        return found[0]

@@ -19,6 +19,7 @@ from sblcosim.models.target.variables import TRACK_POINTS
 
 from ..data.arms import LONGEST_ARM
 from ..errors import ConfigurationError
+from ..judge.definitions import LOST, MISLEADING
 from ..scenario import settings, sources, water
 from ..scenario.error_sources import FLOOR, SOURCES, Source
 from ..scenario.filling import DEFAULT_RECEIVER
@@ -89,6 +90,7 @@ def contents(
         "receivers": [label for label in chosen if label != RAW],
         "types": types,
         "keys": declarations(),
+        "words": {"lost": LOST, "misleading": MISLEADING},
         "systems": {str(count): _system(count, types) for count in counts},
         "rules": _rules(scenario),
         "sources": [_source(it) for it in SOURCES.values()],
@@ -123,6 +125,15 @@ def refuse(scenario: Scenario) -> None:
             f"{scenario.where('target', 'track_tolerance_m')}: the diver must follow at most "
             f"{MOST_POINTS} points in a page, got {count}; a larger tolerance keeps fewer"
         )
+
+
+def is_possible(scenario: Scenario, receiver: str) -> bool:
+    """Whether a page can have a scenario and a receiver."""
+    try:
+        refuse(scenario)
+    except ConfigurationError:
+        return False
+    return receiver in RECEIVERS
 
 
 def given(scenario: Scenario) -> dict[str, Any]:

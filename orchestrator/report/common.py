@@ -1,9 +1,10 @@
-"""The end of every report: the method, and how to reproduce it."""
+"""The end of every report: the method, how to reproduce it, and how to explore its scenario."""
 
 from __future__ import annotations
 
 import json
 import re
+import shlex
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -37,6 +38,15 @@ DEFINITIONS = (
     "true position. Errors relative to the platform's true position exist for receivers that "
     f"estimate their position from it. {ORDER_STATISTIC} {LOST}"
 )
+
+
+PLAY = "Play with the scenario in a browser:"
+"""What stands before the command that does."""
+
+
+def explore(scenario: str, *options: str) -> str:
+    """The command that explores a scenario, by its name or file."""
+    return shlex.join(["sblcosim", "explore", scenario, *options])
 
 
 def method(analysis: Factorial) -> str:

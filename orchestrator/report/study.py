@@ -31,7 +31,7 @@ from ..words.lists import counted, plural
 from ..words.numbers import interval, measured, number
 from . import levels, means, points, possible, space
 from . import two_level as factorial
-from .common import DEFINITIONS, as_toml, method, reproduce, seeding
+from .common import DEFINITIONS, PLAY, as_toml, explore, method, reproduce, seeding
 from .means import Means
 from .page import Block, Code, Page, PagePicture, PageTable, Section, Text, render
 from .parts import StudySections, folded, pictures
@@ -306,9 +306,8 @@ def _worst(study: Study, table: pd.DataFrame, column: str, results: Path) -> lis
     )
     run = str(row[_RUN])
     again = shlex.join(["sblcosim", "replay", str(results), run, "--replay"])
-    play = shlex.join(["sblcosim", "explore", f"runs/{run}/scenario.toml"])
-    then = Text("Then play with its scenario in a browser:")
-    blocks: list[Block] = [Text(text), Code(again), then, Code(play)]
+    play = explore(f"runs/{run}/scenario.toml")
+    blocks: list[Block] = [Text(text), Code(again), Text(PLAY), Code(play)]
     return [Section("Look at the worst run", "worst", blocks, folded=True)]
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pandas as pd
 
 from .. import artifacts
-from ..report.common import as_toml
+from ..report.common import PLAY, as_toml, explore
 from ..report.page import Block, Code, Page, PagePicture, PageTable, Section, Text, render
 from ..report.parts import pictures
 from ..style import ThemeName
@@ -145,7 +145,7 @@ def _again(answer: Requirement) -> Section:
         Code(as_toml(artifacts.plain(answer.question.tables))),
         Text("The scenario of the design that is named, scenario.toml beside this page:"),
         Code(answer.scenario.dump_toml()),
-        Text("Play with it in a browser:"),
-        Code("sblcosim explore scenario.toml"),
+        Text(PLAY),
+        Code(explore("scenario.toml")),
     ]  # fmt: skip
     return Section("How to reproduce", "reproduce", blocks, folded=True)

@@ -4,6 +4,10 @@
 
 const GROUPS = 16; // groups of runs in a call
 const PAGE = 65536;
+const AGAIN = 2; // times that a part is done again at a place after its worker has ended
+const PATIENCE = 10_000; // ms
+const PACE = 0.001; // ms for a step of a component, until it is measured
+const SLOWER = 10, FORGET = 0.9, STEPS = 10;
 
 /** A plan: its description (parsed JSON) and its numbers (an ArrayBuffer). */
 export class Plan {
@@ -224,54 +228,48 @@ export function serve(port) {
 
 /** Workers that share runs: what a run gives depends on its seed, never on who runs it when. */
 export class Pool {
-  #engine;
+  #engine; #make; #patience;
+  #plans = new Map();
+  #pace = PACE;
   #last = 0;
 
-  /** Workers whose script calls `serve`; `engine`: a loaded module. */
-  constructor(engine, workers) {
+  /**
+   * engine: a loaded module; make: returns a new worker whose script calls `serve`; count: of
+   * workers; patience: the least time that a worker has for an answer [ms].
+   */
+  constructor(engine, make, count, patience = PATIENCE) {
     this.#engine = engine;
-    this.workers = workers.map((worker) => {
-      const own = { worker, waiting: new Map(), dead: null, ready: null };
-      const listen = (name, act) => worker.addEventListener
-        ? worker.addEventListener(name, (event) => act(event.data ?? event))
-        : worker.on(name, act);
-      listen("message", ({ id, result, error }) => {
-        const [done, fail] = own.waiting.get(id);
-        own.waiting.delete(id);
-        if (error === undefined) done(result);
-        else fail(new Error(error));
-      });
-      for (const name of ["error", "exit"])
-        listen(name, (event) => {
-          own.dead = new WorkerDied(`a worker ended: ${event.message ?? event}`);
-          for (const [, fail] of own.waiting.values()) fail(own.dead);
-        });
-      this.#prepare(own, { module: engine.module });
-      return own;
-    });
+    this.#make = make;
+    this.#patience = patience;
+    this.workers = Array.from({ length: count }, () => this.#started());
   }
 
   /** Give all workers a plan, under a name. */
-  add(name, plan) {
-    const { content, ...description } = plan;
-    for (const own of this.workers) this.#prepare(own, { name, plan: { description, content } });
+  add(name, { content, ...description }) {
+    const { numbers, components } = description;
+    const plan = { description, content: content.slice(0) };
+    this.#plans.set(name, { plan, size: numbers.n_instants * components.length });
+    for (const own of this.workers) this.#prepare(own, { name, plan });
   }
 
   /**
-   * As `Engine.run`, in parts of the workers. The part of a worker that dies goes to another one.
+   * As `Engine.run`, in parts of the workers. A worker that ends or hangs is replaced, and its part
+   * is done again.
    */
   async run(name, seeds, percentages = [], part = 64) {
-    const waiting = [], results = [];
+    const { size } = this.#plans.get(name), waiting = [], results = [];
     for (let first = 0; first < seeds.length; first += part) waiting.push(first);
-    const work = async (own) => {
-      while (waiting.length && !own.dead) {
-        const first = waiting.shift();
+    const work = async (place) => {
+      for (let failed = 0; waiting.length;) {
+        const first = waiting.shift(), own = seeds.slice(first, first + part);
         try {
-          await own.ready;
+          const worker = this.#worker(place);
+          await worker.ready;
           results[first / part] = await this.#ask(
-            own, { name, seeds: seeds.slice(first, first + part), percentages });
+            worker, { name, seeds: own, percentages }, own.length * size);
+          failed = 0;
         } catch (error) {
-          if (!(error instanceof WorkerDied)) {
+          if (!(error instanceof WorkerDied) || ++failed > AGAIN) {
             waiting.length = 0;
             throw error;
           }
@@ -279,12 +277,71 @@ export class Pool {
         }
       }
     };
-    while (waiting.length) {
-      const alive = this.workers.filter((own) => !own.dead);
-      if (!alive.length) throw this.workers[0]?.dead ?? new Error("there must be a worker");
-      await Promise.all(alive.map(work));
-    }
+    await Promise.all(this.workers.map((_, place) => work(place)));
     return joined(results);
+  }
+
+  /** The worker at a place; another one if it has ended. */
+  #worker(place) {
+    const { dead, slack } = this.workers[place];
+    if (dead) this.workers[place] = this.#started(slack);
+    return this.workers[place];
+  }
+
+  #started(slack = 1) {
+    const worker = this.#make(), own = { worker, waiting: new Map(), dead: null, ready: null, slack };
+    const listen = (name, act) => worker.addEventListener
+      ? worker.addEventListener(name, (event) => act(event.data ?? event))
+      : worker.on(name, act);
+    listen("message", (answer) => this.#take(own, answer));
+    for (const name of ["error", "exit"])
+      listen(name, (event) => this.#end(own, `a worker ended: ${event.message ?? event}`));
+    this.#prepare(own, { module: this.#engine.module });
+    for (const [name, { plan }] of this.#plans) this.#prepare(own, { name, plan });
+    return own;
+  }
+
+  #take(own, { id, result, error }) {
+    if (own.dead) return;
+    const { done, fail, size } = own.waiting.get(id);
+    own.waiting.delete(id);
+    if (size) {
+      const taken = Math.min(performance.now() - own.since, own.limit);
+      this.#pace = Math.max(taken / size, FORGET * this.#pace);
+      own.slack = 1;
+    }
+    this.#watch(own);
+    if (error === undefined) done(result);
+    else fail(new Error(error));
+  }
+
+  #end(own, why) {
+    if (own.dead) return;
+    own.dead = new WorkerDied(why);
+    clearTimeout(own.timer);
+    own.worker.terminate();
+    for (const { fail } of own.waiting.values()) fail(own.dead);
+  }
+
+  /**
+   * From now on, a worker must answer its oldest message within a limit: those behind it have not
+   * begun. Steps are counted, not time, so that a computer that sleeps ends no worker.
+   */
+  #watch(own) {
+    clearTimeout(own.timer);
+    const [oldest] = own.waiting.values();
+    if (!oldest) return;
+    own.since = performance.now();
+    own.limit = own.slack * Math.max(this.#patience, SLOWER * this.#pace * oldest.size);
+    let left = STEPS;
+    const step = () => {
+      if (left-- > 0) own.timer = setTimeout(step, own.limit / STEPS);
+      else {
+        own.slack *= 2; // for the next one: perhaps it was only slow
+        this.#end(own, `a worker gave no answer for ${Math.round(own.limit / 1000)} s`);
+      }
+    };
+    step();
   }
 
   /** What a worker must have done before it runs; `run` throws the error, if any. */
@@ -293,11 +350,13 @@ export class Pool {
     own.ready.catch(() => {});
   }
 
-  #ask(own, message) {
+  /** size: of the work, in steps of a component. */
+  #ask(own, message, size = 0) {
     if (own.dead) return Promise.reject(own.dead);
     const id = ++this.#last;
     return new Promise((done, fail) => {
-      own.waiting.set(id, [done, fail]);
+      own.waiting.set(id, { done, fail, size });
+      if (own.waiting.size === 1) this.#watch(own);
       own.worker.postMessage({ id, ...message });
     });
   }

@@ -20,7 +20,7 @@ from quick import few
 from sblcosim.comparison.budget import sources
 from sblcosim.comparison.many.run import run_many
 from sblcosim.errors import ConfigurationError, SblcosimError
-from sblcosim.explore.contents import contents
+from sblcosim.explore.contents import contents, is_possible
 from sblcosim.fmus.build import compiler
 from sblcosim.prepare.scenario import of_scenario
 from sblcosim.scenario.scenario import Scenario, load
@@ -336,6 +336,8 @@ def test_what_a_page_cannot_have_is_refused(
 ) -> None:
     with pytest.raises(ConfigurationError, match=why):
         contents(load(NAME, given.items()), receivers, beacons)
+    refused = bool(given) or receivers == ("nobody",)
+    assert is_possible(load(NAME, given.items()), (*receivers, "ekf")[0]) is not refused
 
 
 def test_equal_scenarios_give_equal_bytes() -> None:

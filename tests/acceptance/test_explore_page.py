@@ -9,11 +9,13 @@ import json
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 import sblcosim
-from browser import BROWSER, Tab
+from browser import BROWSER, FIREFOX, Fox, Tab
+from explored import values
 from sblcosim.comparison.many.run import run_many
 from sblcosim.errors import SblcosimError
 from sblcosim.explore.contents import contents
@@ -99,8 +101,9 @@ def test_what_is_shown_are_the_numbers_of_the_command_line(
       const [receiver] = page.stage.run.receivers, last = receiver.epoch.length - 1;
       return {{ before, toml: page.explorer.toml(), command: $("command").textContent,
         within: $("within").textContent, half: $("half").textContent,
-        others: all("#others dd").map((it) => it.textContent),
-        whose: all("#others dt").map((it) => it.textContent), holds: $("holds").textContent,
+        compared: all("#compared tr").map((it) => [it.dataset.receiver,
+          ...[...it.querySelectorAll("td")].map((cell) => cell.textContent)]),
+        best: [$("best").textContent, $("best-note").textContent], holds: $("holds").textContent,
         blue: all("#controls .changed").map((it) => it.dataset.path), which: $("which").textContent,
         map: $("map").getAttribute("aria-label"),
         last: ["x", "y", "z"].map((k) => receiver.position[k][last]) }};
@@ -115,13 +118,113 @@ def test_what_is_shown_are_the_numbers_of_the_command_line(
     np.testing.assert_array_equal(result.judged["coupled"].estimates.position[-1], shown["last"])
     many = run_many(load(file), ("coupled", "ekf"), runs=DIVES)
     assert shown["within"] == f"{many.within_m['coupled']:.1f} m" != shown["before"]
-    assert shown["others"][0] == f"{many.within_m['ekf']:.1f} m"
-    assert shown["whose"][0] == "95 %, ekf; claimed error too small"
     assert shown["holds"] == "holds"
+    compared = {name: cells for name, *cells in shown["compared"]}
+    rms = {it: many.runs.table[f"{it}.absolute_total_rms_m"] for it in ("coupled", "ekf")}
+    for name, claim in (("coupled", "holds"), ("ekf", "too small")):
+        row = many.runs.level(NAME, name)
+        counts = [f"{row[it]} of {DIVES}" if row[it] else "none" for it in ("lost", "misleading")]
+        assert compared[name][0] == f"{many.within_m[name]:.1f} m"
+        assert compared[name][2:5] == [claim, *counts]
+    better = int((rms["ekf"] < rms["coupled"]).sum())
+    assert compared["ekf"][5] == (f"{better} of {DIVES}" if better else "none")
+    assert shown["best"] == ["coupled", f"better than ekf in {DIVES - better} of {DIVES} dives"]
     assert {*shown["blue"]} >= {
         "acoustics.range_std_m", "platform.gps_grade", "platform.gps_horizontal_markov_std_m",
         "target.speed_m_s",
     }
+
+
+BITS = """
+const bits = (it) => {
+  const bytes = new Uint8Array(it.buffer, it.byteOffset, it.byteLength);
+  let text = "";
+  for (let i = 0; i < bytes.length; i += 8192)
+    text += String.fromCharCode(...bytes.subarray(i, i + 8192));
+  return btoa(text);
+};
+"""
+
+
+@pytest.mark.skipif(FIREFOX is None, reason="needs Firefox")
+def test_firefox_gives_the_bits_of_the_command_line(page: Path, tmp_path: Path) -> None:
+    """From a file, with workers: the record of a dive and the errors of many, and pictures."""
+    fox = Fox(tmp_path)
+    try:
+        fox.open(page)
+        shown = fox.run(f"""{HELPERS} {BITS}
+          change($("count"), "{DIVES}");
+          change(field("platform.gps_grade").querySelector("select"), "sbas");
+          change($("seed"), "11");
+          await settle();
+          await until(() => $("so-far").textContent === "{DIVES} dives");
+          const {{ receivers }} = page.summary, {{ values }} = page.explorer.record();
+          const drawn = (id) => new Set($(id).getContext("2d").getImageData(
+            0, 0, $(id).width, $(id).height).data).size;
+          return {{ toml: page.explorer.toml(), within: $("within").textContent,
+            best: $("best").textContent,
+            record: Object.fromEntries(Object.entries(values).map(([key, it]) => [key, bits(it)])),
+            each: Object.fromEntries(Object.entries(receivers).map(([key, {{ each }}]) => [key, [
+              bits(Float64Array.from(each.rms)), bits(Float64Array.from(each.p95))]])),
+            colours: ["map", "errors", "histogram"].map(drawn), problem: $("problem").textContent,
+            wide: document.documentElement.scrollWidth <= innerWidth }};
+        """)
+    finally:
+        fox.close()
+    file = tmp_path / "scenario.toml"
+    file.write_text(shown["toml"])
+    record = sblcosim.run(file, ["coupled", "ekf"]).record.values
+    assert shown["record"].keys() == record.keys()
+    for name, expected in record.items():
+        np.testing.assert_array_equal(values(shown["record"][name], expected), expected, name)
+    many = run_many(load(file), ("coupled", "ekf"), runs=DIVES)
+    for name in ("coupled", "ekf"):
+        for found, kind in zip(shown["each"][name], ("rms", "p95"), strict=True):
+            expected = many.runs.table[f"{name}.absolute_total_{kind}_m"].to_numpy()
+            np.testing.assert_array_equal(values(found, expected), expected)
+    assert shown["within"] == f"{many.within_m['coupled']:.1f} m"
+    assert shown["best"] == "coupled"
+    assert min(shown["colours"]) > 20
+    assert shown["problem"] == ""
+    assert shown["wide"]
+
+
+def test_receivers_are_compared_and_chosen_where_they_are_compared(
+    browsing: Callable[..., Tab]
+) -> None:
+    """In the end a dive of 8 s: no receiver is called the best without a reason."""
+    shown = browsing(json.dumps({"receivers": ["ekf"]})).run(f"""{HELPERS}
+      change($("count"), "{DIVES}");
+      await settle();
+      await until(() => $("so-far").textContent === "{DIVES} dives");
+      const row = (name) => all("#compared tr").find((it) => it.dataset.receiver === name);
+      const told = () => [page.explorer.receivers, all("#compared tr").filter(
+        (it) => it.querySelector("td").textContent).map((it) => it.dataset.receiver),
+        $("main-receiver").value, row("coupled").classList.contains("own")];
+      const alone = told();
+      change(row("coupled").querySelector("input"), true);
+      await settle();
+      await until(() => $("so-far").textContent === "{DIVES} dives");
+      const two = told();
+      row("coupled").querySelector("button").click();
+      await settle();
+      const used = told();
+      change(field("platform.gps_grade").querySelector("select"), "rtk_fixed");
+      page.explorer.apply({{ given: {{ "time.duration_s": 8 }} }});
+      page.changed();
+      await settle();
+      await until(() => $("so-far").textContent === "{DIVES} dives");
+      return {{ alone, two, used, words: $("words-lost").textContent,
+        explained: all("#compared .note").every((it) => it.textContent.length > 20),
+        short: [$("best").textContent, $("best-note").textContent] }};
+    """)
+    assert shown["alone"] == [["ekf"], ["ekf", "raw"], "ekf", False]
+    assert shown["two"] == [["ekf", "coupled"], ["ekf", "coupled", "raw"], "ekf", False]
+    assert shown["used"][0] == ["coupled", "ekf"]
+    assert shown["used"][2:] == ["coupled", True]
+    assert shown["explained"]
+    assert "in its last quarter" in shown["words"]
+    assert shown["short"] == ["coupled or ekf", "no difference that is clear of chance"]
 
 
 def test_what_limits_the_receiver_and_what_to_buy_first_are_those_of_its_causes(
@@ -178,6 +281,121 @@ def test_the_water_is_coloured_when_asked(browsing: Callable[..., Tab]) -> None:
     assert shown["after"] == [None, "false", True]
 
 
+def test_water_is_computed_where_one_looks_and_told_from_a_limit(
+    browsing: Callable[..., Tab]
+) -> None:
+    """Zoomed out, the colours grow; zoomed in, they get finer; a little changes nothing."""
+    shown = browsing(json.dumps({"receivers": ["ekf"]})).run(f"""{HELPERS}
+      const done = async () => {{
+        await until(() => / depth$/.test($("water-words").textContent));
+        const {{ north, east, size }} = page.water.cells;
+        return [north[0] - size / 2, north.at(-1) + size / 2, east[0] - size / 2,
+          east.at(-1) + size / 2, size];
+      }};
+      const seen = () => {{
+        const {{ view }} = page.stage, [south, west] = view.under(0, view.height);
+        const [north, east] = view.under(view.width, 0);
+        return [south, north, west, east];
+      }};
+      const colours = () => {{ const found = new Set(); const pen = {{ save() {{}}, restore() {{}},
+        beginPath() {{}}, moveTo() {{}}, lineTo() {{}}, closePath() {{}}, stroke() {{}},
+        fill() {{ found.add(this.fillStyle); }} }};
+        page.stage.state.under(pen, page.stage.view); return found.size; }};
+      $("colour").click();
+      const first = await done(), many = colours();
+      const {{ values }} = page.water.cells, limit = [...values].sort((a, b) => a - b)[
+        values.length >> 1].toFixed(1);
+      change($("water-limit"), limit.replace(".", ","));
+      const two = [colours(), $("water-words").textContent,
+        values.filter((it) => it <= limit).length / values.length,
+        page.stage.state.under.legend.map((it) => it.label), limit];
+      change($("water-limit"), "-1");
+      const wrong = [$("water-problem").textContent, $("water-limit").getAttribute("aria-invalid"),
+        colours()];
+      change($("water-limit"), "");
+      const none = [colours(), $("water-problem").hidden];
+      page.stage.view.magnify(1.3);
+      page.stage.drawMap();
+      await sleep(600);
+      const near = await done();
+      for (let i = 0; i < 4; i++) $("farther").click();
+      await until(() => /computing|done/.test($("water-words").textContent));
+      const wide = await done(), view = seen();
+      for (let i = 0; i < 6; i++) $("nearer").click();
+      await until(() => /computing|done/.test($("water-words").textContent));
+      return {{ first, many, two, wrong, none, near, wide, view, fine: (await done())[4] }};
+    """)
+    assert shown["many"] > 20
+    assert shown["two"][0] == 2
+    within = shown["two"][2]
+    assert 0 < within < 1
+    assert shown["two"][1].startswith(f"{100 * within:.0f} % of what is seen is within it")
+    assert shown["two"][3][-2:] == [f"95 % error within {shown['two'][4]} m", "beyond"]
+    assert shown["wrong"] == ["limit: must be a number above 0, got '-1'", "true", 2]
+    assert shown["none"] == [shown["many"], True]
+    assert shown["near"] == shown["first"]
+    south, north, west, east, size = shown["wide"]
+    assert size > 2 * shown["first"][4]
+    np.testing.assert_allclose([south, north, west, east], shown["view"], atol=size)
+    assert shown["fine"] < size / 2
+
+
+def test_labels_of_the_histogram_never_cover_each_other(browsing: Callable[..., Tab]) -> None:
+    """Receivers at random, in pictures of any width."""
+    shown = browsing().run("""
+      const { marksOf } = modules.explore_histogram, found = [];
+      let state = 7;
+      const random = () => (state = (state * 16807) % 2147483647) / 2147483647;
+      for (let i = 0; i < 500; i++) {
+        const width = 150 + 700 * random(), end = 0.1 + 20 * random();
+        const receivers = Array.from({ length: 1 + Math.floor(7 * random()) }, (_, k) => (
+          { label: ["ekf", "coupled", "long_baseline"][k % 3], p95: end * random() ** 0.3 }));
+        found.push([width, receivers.length, marksOf(receivers, (m) => 12 + (width - 24) * m / end,
+          width, (text) => 6.5 * text.length).map((it) => [it.row, it.from, it.to, it.at])]);
+      }
+      return found;
+    """)
+    for width, count, marks in shown:
+        assert len(marks) == count
+        for i, (row, start, end, at) in enumerate(marks):
+            assert min(abs(start - at), abs(end - at)) == pytest.approx(5)
+            assert end <= width or start - 10 - (end - start) < 0
+            assert all(other[0] != row or end < other[1] or other[2] < start for other in marks[:i])
+
+
+def test_every_figure_is_saved_as_png_and_svg(browsing: Callable[..., Tab]) -> None:
+    found = browsing().run(f"""{HELPERS}
+      change($("count"), "{DIVES}");
+      await settle();
+      await computed();
+      const saved = {{}}, texts = {{}};
+      let blob;
+      URL.createObjectURL = (it) => {{ blob = it; return "blob:none"; }};
+      HTMLAnchorElement.prototype.click = function () {{ saved[this.download] = blob; }};
+      const buttons = all("[data-save]");
+      for (const button of buttons) button.click();
+      await until(() => Object.keys(saved).length === buttons.length);
+      for (const [name, it] of Object.entries(saved))
+        texts[name] = name.endsWith("svg") ? await it.text() : (await createImageBitmap(it)).width;
+      return {{ texts, figures: all("canvas, #causes, #beacons-picture").length, causes:
+        all("#causes li b").map((it) => it.textContent) }};
+    """)
+    texts = found["texts"]
+    assert len(texts) == 2 * found["figures"] == 10
+    for name, text in texts.items():
+        if name.endswith("png"):
+            assert text > 400, name
+            continue
+        ElementTree.fromstring(text)
+        assert "NaN" not in text
+        assert "undefined" not in text
+        words = {"causes": [*found["causes"], "95 % interval", "what limits coupled"],
+                 "dives": ["95 % within", f"errors of {DIVES} dives"],
+                 "beacons": ["1: 3, 0, 0.5 m", "grid 1 m", "forward"]}
+        for it in words.get(name.removesuffix(".svg"), []):
+            assert f">{it}<" in text or it in text, (name, it)
+
+
 def test_a_worker_that_ends_is_replaced(page: Path, tmp_path: Path) -> None:
     tab = Tab(tmp_path)
     try:
@@ -203,6 +421,35 @@ def test_a_worker_that_ends_is_replaced(page: Path, tmp_path: Path) -> None:
         tab.close()
     assert shown[0] == shown[1] != "…"
     assert shown[2:] == [True, True]
+
+
+def test_a_worker_that_hangs_is_replaced(
+    page: Path, browsing: Callable[..., Tab], tmp_path: Path
+) -> None:
+    """The first one loops for ever from its second message on; waits of seconds are shortened."""
+    tab, script = Tab(tmp_path), f"""{HELPERS}
+      change($("count"), "{DIVES}");
+      await until(() => $("so-far").textContent === "{DIVES} dives");
+      return [$("within").textContent, $("half").textContent, window.workers > 1,
+        $("problem").hidden];"""
+    try:
+        tab.call("Page.addScriptToEvaluateOnNewDocument", source="""
+          window.workers = 0;
+          window.Worker = class extends Worker {
+            constructor(address) {
+              const loop = `let n = 0;
+                onmessage = () => { while (n); n = 1; postMessage({ id: 1 }); };`;
+              super(workers++ ? address : URL.createObjectURL(new Blob([loop])));
+            }
+          };
+          const wait = window.setTimeout;
+          window.setTimeout = (act, ms, ...of) => wait(act, ms < 1000 ? ms : ms / 10, ...of);""")
+        tab.open(page)
+        shown = tab.run(script)
+    finally:
+        tab.close()
+    assert shown[2:] == [True, True]
+    assert shown[:2] == browsing().run(script)[:2]
 
 
 REFUSED = {
@@ -402,6 +649,48 @@ def test_paths_are_read_from_files(browsing: Callable[..., Tab]) -> None:
     assert "d.csv: line 3: east_m must be a number, got 'x'" in shown[3][1]
     assert "e.gpx: must be a whole GPX file" in shown[4][1]
     assert shown[4][0] == shown[1][0]
+
+
+def test_arms_of_the_platform_take_moved_beacons_back(browsing: Callable[..., Tab]) -> None:
+    """After a beacon was moved, a length of the arms has an effect again: on a cross."""
+    shown = browsing().run(f"""{HELPERS}
+      const own = field("platform.arm_length_m"), told = () => [own.hidden, page.explorer.arms];
+      const arms = page.explorer.arms;
+      arms[0][1] = 1;
+      await page.beacons.place([...arms, [2, 2, 0.5]].slice(0, 4));
+      await settle();
+      const moved = told();
+      change(own.querySelector("input[type=text]"), "5");
+      await settle();
+      return {{ moved, back: told(), changed: page.changes.all,
+        problem: own.querySelector(".refused").textContent }};
+    """)
+    assert shown["moved"] == [False, [[3, 1, 0.5], [0, 3, 0.5], [-3, 0, 0.5], [0, -3, 0.5]]]
+    assert shown["back"] == [False, [[5, 0, 0.5], [0, 5, 0.5], [-5, 0, 0.5], [0, -5, 0.5]]]
+    assert shown["changed"] == ["platform.arm_length_m"]
+    assert shown["problem"] == ""
+
+
+def test_what_a_control_means_is_told_to_those_who_ask(browsing: Callable[..., Tab]) -> None:
+    tab = browsing()
+    shown = tab.run(f"""{HELPERS}
+      const buttons = all("#controls .what"), about = (it) => $(it.getAttribute("aria-controls"));
+      buttons[1].focus();
+      return [buttons.length, all("#controls .field").length, buttons.every((it) =>
+        about(it).hidden && about(it).textContent.length > 20), buttons.map(
+          (it) => it.getAttribute("aria-label"))];
+    """)
+    assert shown[0] == shown[1] > 12
+    assert shown[2]
+    assert len({*shown[3]}) == shown[0]
+    asked = """const it = document.activeElement, about = document.getElementById(
+      it.getAttribute("aria-controls")); return [about.checkVisibility(), about.textContent,
+      it.getAttribute("aria-expanded")]"""
+    tab.key("Enter")
+    assert tab.run(asked)[0::2] == [True, "true"]
+    assert "drifts" in tab.run(asked)[1]
+    tab.key("Enter")
+    assert tab.run(asked)[0::2] == [False, "false"]
 
 
 @pytest.mark.parametrize("dark", [False, True])

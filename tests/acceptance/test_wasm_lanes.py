@@ -11,7 +11,7 @@ import json
 import shutil
 import subprocess
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache
 from http.server import BaseHTTPRequestHandler, HTTPServer
@@ -70,7 +70,7 @@ def in_node(job: Mapping[str, Any], folder: Path) -> Answer:
     shutil.copy(HOST, folder)
     (folder / "worker.mjs").write_text(
         'import { parentPort } from "node:worker_threads"; import { serve } from "./engine.mjs";'
-        "serve(parentPort);"
+        'parentPort.on("message", ({ hang }) => { while (hang); }); serve(parentPort);'
     )
     (folder / "job.json").write_text(json.dumps(job))
     names = (HOST.name, "engine.mjs", "worker.mjs", "job.json", "answer.json")
@@ -168,12 +168,12 @@ class Case:
             "part": part, "recorded": int(self.seeds[-1]),
         }
 
-    def compare(self, answer: Answer) -> int:
-        """Check an answer; returns how many numbers it has."""
+    def compare(self, answer: Answer, counts: Sequence[int] = WORKERS) -> int:
+        """Check an answer, with each count of workers; returns how many numbers it has."""
         if "error" in answer:
             pytest.fail(answer["error"])
         count = compared(answer["record"], self.record)
-        for workers in (0, *WORKERS):
+        for workers in (0, *counts):
             found = answer[str(workers)]
             count += compared(found["sums"], self.many.sums)
             count += compared(found["order"], self.many.order)
@@ -248,18 +248,33 @@ def test_results_are_by_seed_not_by_arrival(short: Case, tmp_path: Path) -> None
     short.compare(in_node({**job, "late": 300}, tmp_path))
 
 
-@pytest.mark.parametrize("dying", [[0], [1], [0, 2, 1]])
+@pytest.mark.parametrize("dying", [[0], [1], [0, 2, 1], [0, 0, 0, 0, 1]])
 def test_a_worker_that_dies_loses_nothing(short: Case, dying: list[int], tmp_path: Path) -> None:
     job = {**short.job(modules.module(SMALL), part=2), "workers": [4], "dying": dying}
+    short.compare(in_node(job, tmp_path), [4])
+
+
+@pytest.mark.parametrize("workers", [1, 3])
+@pytest.mark.parametrize("hanging", [[0], [0, 2], [0, 0]])
+def test_a_worker_that_hangs_loses_nothing(
+    short: Case, workers: int, hanging: list[int], tmp_path: Path
+) -> None:
+    """They loop for ever; on a slow computer, one that does not may be replaced, too."""
+    job = {**short.job(modules.module(SMALL), part=2), "workers": [workers], "hanging": hanging,
+           "patience": 500}
     answer = in_node(job, tmp_path)
-    assert "error" not in answer
-    compared(answer["4"]["sums"], short.many.sums)
-    compared(answer["4"]["order"], short.many.order)
+    short.compare(answer, [workers])
+    assert answer["started"] > workers
 
 
-def test_without_workers_that_live_there_is_an_error(short: Case, tmp_path: Path) -> None:
-    job = {**short.job(modules.module(SMALL), part=2), "workers": [2], "dying": [1, 1]}
-    assert "a worker ended" in in_node(job, tmp_path)["error"]
+@pytest.mark.parametrize(("how", "why"), [("dying", "a worker ended"), ("hanging", "no answer")])
+def test_without_workers_that_answer_there_is_an_error(
+    short: Case, how: str, why: str, tmp_path: Path
+) -> None:
+    """Neither of two places has one, with the two that follow each."""
+    job = {**short.job(modules.module(SMALL), part=2), "workers": [2], how: [0] * 6,
+           "patience": 100}
+    assert why in in_node(job, tmp_path)["error"]
 
 
 def test_only_components_without_a_seed_get_the_run_s(short: Case) -> None:

@@ -9,12 +9,12 @@ const textOf = (array) => {
   return btoa(text);
 };
 const packed = (found) => Object.fromEntries(
-  Object.entries(found).map(([name, it]) => [name, ArrayBuffer.isView(it) ? textOf(it) : packed(it)]));
+  Object.entries(found).map(([name, it]) => [name, ArrayBuffer.isView(it) ? textOf(it) : typeof it === "object" ? packed(it) : it]));
 
 /**
- * worker: makes a worker. Optional in a job: `changes` of parameters,
- * the milliseconds by which the first worker answers `late`, and how many runs' parts each of the
- * first workers survives (`dying`).
+ * worker: makes a worker. Optional in a job: `changes` of parameters, the milliseconds by which the
+ * first worker answers `late`, how many runs' parts each of the first workers survives (`dying`) or
+ * does before it loops for ever (`hanging`), and the `patience` of the pool.
  */
 export async function answer(script, job, worker) {
   try {
@@ -31,29 +31,35 @@ async function found({ Engine, Plan, Pool }, job, worker) {
   const found = { record: engine.record(plan, job.recorded) };
   found["0"] = engine.run(plan, job.seeds, job.percentages);
   for (const count of job.workers) {
-    const workers = Array.from({ length: count }, worker);
-    const pool = new Pool(engine, workers.map((it, n) => strange(it, n, job)));
+    const workers = [];
+    const make = () => {
+      workers.push(worker());
+      return strange(workers.at(-1), workers.length - 1, job);
+    };
+    const pool = new Pool(engine, make, count, job.patience);
     pool.add("plan", plan);
     try {
       found[count] = await pool.run("plan", job.seeds, job.percentages, job.part);
     } finally {
       for (const it of workers) it.terminate();
     }
+    found.started = workers.length;
   }
   return found;
 }
 
-/** A worker of node that answers late, or dies. */
-function strange(worker, number, { late = 0, dying = [] }) {
-  if (!late && !dying.length) return worker;
-  let left = dying[number] ?? Infinity;
+/** A worker of node that answers late, dies or hangs. */
+function strange(worker, number, { late = 0, dying = [], hanging = [] }) {
+  if (!late && !dying.length && !hanging.length) return worker;
+  let left = dying[number] ?? Infinity, useful = hanging[number] ?? Infinity;
   return {
     postMessage(message) {
       if (message.seeds && left-- <= 0) worker.terminate();
-      else worker.postMessage(message);
+      else worker.postMessage({ ...message, hang: Boolean(message.seeds) && useful-- <= 0 });
     },
     on: (name, act) => worker.on(
       name, (data) => number || name !== "message" ? act(data) : setTimeout(act, late, data)),
+    terminate: () => worker.terminate(),
   };
 }
 

@@ -25,6 +25,7 @@ from ..common.app import (
     one_receiver,
     overrides,
     report,
+    say,
     unless_other,
     waiting,
 )
@@ -95,6 +96,8 @@ def budget(
         from ... import artifacts
         from ...comparison.budget import run as budgets
         from ...comparison.budget.result import FRAMES
+        from ...explore import contents as pages
+        from ...report.common import PLAY, explore
         from ...scenario.scenario import load
 
         check_choice("frame", frame, [*FRAMES])
@@ -118,3 +121,9 @@ def budget(
             found.of(frame)  # refused before anything is written
             folder = found.save(wanted, figures=not no_figures, other=other)
     report(found, folder, wanted, as_json, verbose, frame=frame)
+    if not as_json and pages.is_possible(settled, found.receiver):
+        given = [*(("--receiver", chosen) if chosen else ())]
+        for key in overrides(set_, seed):
+            given += ["--set", key]
+        say(f"{PLAY} {explore(scenario, *given)}")
+

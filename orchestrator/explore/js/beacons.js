@@ -1,20 +1,17 @@
 // Where the beacons are on the platform: dragged, moved by keys, typed, added and taken away.
 //
-//   new BeaconEditor(page)     .show()
+//   new BeaconEditor(page)     .show(), .pictureOf(look)
 //
 // The picture is the platform from above, forward is up. Lengths are whole centimetres.
 
-import { roundStep } from "../../web/js/pen.js";
+import { line, roundStep, write } from "../../web/js/pen.js";
+import { PLACES } from "./controls.js";
 import { $, element, put, shape } from "./dom.js";
 import { typed } from "./phrases.js";
 
 const SIZE = 260, LEAST = 3;
 const AXES = ["forward", "right", "down"];
 const MOVES = { ArrowUp: [1, 0], ArrowDown: [-1, 0], ArrowRight: [0, 1], ArrowLeft: [0, -1] };
-const KEYS = [
-  ...["beacon_m", "beacons", "arrangement", "beacon_scale", "mounting_error_m"].map((it) => `platform.${it}`),
-  "acoustics.slot_order", "receiver.beacon_offset_m",
-]; // that change with the beacons
 const centimetres = (x) => Math.round(x * 100) / 100;
 
 export class BeaconEditor {
@@ -25,7 +22,7 @@ export class BeaconEditor {
     $("beacons-picture").append(this.picture);
     $("add-beacon").addEventListener("click", () => this.add());
     $("reset-beacons").addEventListener("click", () => {
-      this.tell(page.changes.reset(...KEYS.filter((it) => page.changes.keys.has(it))));
+      this.tell(page.changes.reset(...PLACES.filter((it) => page.changes.keys.has(it))));
       page.changed();
     });
     this.show();
@@ -74,23 +71,68 @@ export class BeaconEditor {
     if (focused >= 0) marks[focused].focus();
     this.showRows(arms);
     $("add-beacon").disabled = !this.counts.includes(count + 1);
-    const more = this.counts.length > 1 ? "" : "; the option --beacons makes pages that can have others";
-    put($("beacons-note"), `${count} beacons; this page can have ${this.counts.join(", ")}${more}.`);
+    $("beacons-note").replaceChildren(...this.counts.length > 1
+      ? [`${count} beacons; this page can have ${this.counts.join(", ")}.`]
+      : ["A page made with ", element("code", {}, "--beacons"), " can have more or fewer beacons."]);
     const { changes } = this.page;
-    $("reset-beacons").hidden = !KEYS.some((it) => changes.has(it));
+    $("reset-beacons").hidden = !PLACES.some((it) => changes.has(it));
   }
 
   at([x, y]) { return [SIZE / 2 + this.scale * y, SIZE / 2 - this.scale * x]; }
 
   grid() {
-    const step = roundStep(30 / this.scale), found = [];
-    for (let k = -20; k <= 20; k++) {
-      const at = SIZE / 2 + k * step * this.scale;
-      if (at < 0 || at > SIZE) continue;
-      found.push(shape("path", { d: `M${at} 0V${SIZE}M0 ${at}H${SIZE}`, class: k ? "fine" : "axis" }));
-    }
-    const text = shape("text", { x: 6, y: SIZE - 8, class: "small" }, `grid ${typed(step)} m`);
+    const found = this.lattice().map(({ at, middle }) =>
+      shape("path", { d: `M${at} 0V${SIZE}M0 ${at}H${SIZE}`, class: middle ? "axis" : "fine" }));
+    const text = shape("text", { x: 6, y: SIZE - 8, class: "small" }, `grid ${typed(this.step)} m`);
     return [...found, text, shape("text", { x: SIZE / 2 + 5, y: 14, class: "small" }, "forward")];
+  }
+
+  /** As a picture to be saved, see web/js/save.js. */
+  pictureOf(look) {
+    const { arms } = this, name = ([x, y, down]) =>
+      `${typed(centimetres(x))}, ${typed(centimetres(y))}, ${typed(centimetres(down))} m`;
+    return {
+      width: SIZE, height: SIZE, look,
+      legend: arms.map((arm, i) => ({ label: `${i + 1}: ${name(arm)}`, colour: look.ink, dash: [], mark: "beacon" })),
+      draw: (pen) => this.draw(pen, look),
+    };
+  }
+
+  draw(pen, look) {
+    pen.fillStyle = look.water;
+    pen.fillRect(0, 0, SIZE, SIZE);
+    pen.lineWidth = 1;
+    for (const { at, middle } of this.lattice()) {
+      pen.strokeStyle = middle ? look.soft : look.grid;
+      for (const points of [[[at, 0], [at, SIZE]], [[0, at], [SIZE, at]]]) line(pen, points, 0);
+    }
+    pen.strokeStyle = look.ink;
+    pen.lineWidth = 1.5;
+    if (this.page.stage.run.arms)
+      for (const arm of this.arms) line(pen, [[SIZE / 2, SIZE / 2], this.at(arm)], 0);
+    pen.font = look.font(11);
+    write(pen, `grid ${typed(this.step)} m`, 6, SIZE - 8, look.ink, look.water);
+    write(pen, "forward", SIZE / 2 + 5, 14, look.ink, look.water);
+    pen.font = look.font(11, true);
+    pen.textAlign = "center";
+    this.arms.forEach((arm, i) => {
+      const [x, y] = this.at(arm);
+      pen.beginPath();
+      pen.arc(x, y, 9, 0, 2 * Math.PI);
+      pen.fillStyle = look.ink;
+      pen.fill();
+      pen.fillStyle = look.paper;
+      pen.fillText(String(i + 1), x, y + 4);
+    });
+    pen.textAlign = "left";
+  }
+
+  get step() { return roundStep(30 / this.scale); }
+
+  // Lines of the grid.
+  lattice() {
+    const found = Array.from({ length: 41 }, (_, k) => ({ at: SIZE / 2 + (k - 20) * this.step * this.scale, middle: k === 20 }));
+    return found.filter(({ at }) => at >= 0 && at <= SIZE);
   }
 
   // Arms of one platform; buoys and beacons on the bottom have none.

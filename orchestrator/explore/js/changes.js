@@ -3,6 +3,7 @@
 //   new Changes(explorer)     before anything is changed
 //   .has(path), .all
 //   .choose(path, value)     sets a key, or unsets it for ""; null or the sentence of the problem
+//   .replace(path, value, others)     sets a key and resets others
 //   .reset(...paths)         the scenario's own values again; with a grade, those of its keys
 
 export class Changes {
@@ -24,6 +25,12 @@ export class Changes {
   choose(path, value) {
     if (value === "") return this.keys.get(path).sets ? this.reset(path) : this.explorer.unset(path);
     return this.explorer.set(path, value);
+  }
+
+  /** Set a key, and reset others that would leave it without an effect. */
+  replace(path, value, others) {
+    const given = Object.fromEntries(others.map((it) => [it, this.first.get(it) ?? null]));
+    return this.explorer.apply({ given: { ...given, [path]: value } });
   }
 
   reset(...paths) {

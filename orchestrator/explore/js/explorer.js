@@ -8,6 +8,7 @@
 //
 // Names and keys
 //   title, name, file          of the scenario; file: name of the scenario file
+//   words                      definitions for people: { lost, misleading }
 //   keys                       all declarations in order, see `declarations.py`: path, table, key,
 //                              words, unit, kind (number, integer, switch, choice, vector, matrix),
 //                              bounds {least, most, above, below}, choices, names, rows, columns,
@@ -41,8 +42,9 @@
 //                              interval, clear } of better equipment, or null; first: the name of the
 //                              cause whose better equipment gains most, clear of chance, or null
 //   possible()                 null: not part of a page
-//   water(grid, onPart)        async, of the first receiver; 95 % error by place:
-//                              { north, east, size, depth, values, n, done }
+//   water(grid, onPart, wanted) async, of the first receiver; 95 % error by place:
+//                              { north, east, size, depth, values, n, done }; null as soon as
+//                              `wanted()` no longer says true
 //   cancel()                   stop what workers do
 
 import { Engine, Pool } from "../../wasm/engine.js";
@@ -99,6 +101,7 @@ export class Explorer {
     this.keys = contents.keys;
     this.byPath = new Map(contents.keys.map((it) => [it.path, it]));
     this.types = contents.types.map((it) => it === FIX ? RAW : it);
+    this.words = contents.words;
     this.counts = Object.keys(contents.systems).map(Number);
     this.#given = new Map(Object.entries(contents.given));
     this.#loaded = new Map(this.#given);
@@ -527,11 +530,8 @@ export class Explorer {
 
   async #pool(beacons) {
     if (!this.#makeWorker) return null;
-    const alive = this.#pools.get(beacons)?.workers.some((it) => !it.dead);
-    if (!alive) {
-      const workers = Array.from({ length: this.#workers }, this.#makeWorker);
-      this.#pools.set(beacons, new Pool(this.#engines.get(beacons), workers));
-    }
+    if (!this.#pools.has(beacons))
+      this.#pools.set(beacons, new Pool(this.#engines.get(beacons), this.#makeWorker, this.#workers));
     return this.#pools.get(beacons);
   }
 
@@ -544,7 +544,7 @@ export class Explorer {
   }
 
   /** 95 % error of the first receiver by place, as of `sblcosim map`; see the head of this file. */
-  async water(grid, onPart = () => {}) { return waterOf(this.#laboratory(), grid, onPart); }
+  async water(grid, onPart = () => {}, wanted) { return waterOf(this.#laboratory(), grid, onPart, wanted); }
 
   // What dives of the first receiver need, as long as the state holds.
   #laboratory() {

@@ -1,9 +1,11 @@
 // The control of one key: a slider or a list, a number to type, what is wrong with it, and a reset.
 //
-//   new Field(page, path, { label, stops, words })
+//   new Field(page, path, { label, stops, names, about, instead, wide })
 //   .element, .show()
 //
-// `page` has `explorer`, `changes` and `changed()`. `stops` are the values of the slider.
+// `page` has `explorer`, `changes` and `changed()`. `stops` are the values of the slider, `names` those
+// of choices, `about` explains the key, by default in its own words. `instead` are keys that may take
+// the effect of this one away: to set it resets them.
 
 import { element, put } from "./dom.js";
 import { labelled, typed } from "./phrases.js";
@@ -11,9 +13,11 @@ import { labelled, typed } from "./phrases.js";
 let count = 0;
 
 export class Field {
-  constructor(page, path, { label, stops = null, names = {}, wide = false } = {}) {
+  constructor(page, path, {
+    label, stops = null, names = {}, about = null, instead = [], wide = false,
+  } = {}) {
     const key = page.changes.keys.get(path);
-    Object.assign(this, { page, path, key, stops, id: `field-${count++}` });
+    Object.assign(this, { page, path, key, stops, instead, id: `field-${count++}` });
     this.name = label ?? key.key;
     this.control = this.makeControl(names);
     this.control.id = this.id;
@@ -26,10 +30,25 @@ export class Field {
     const unit = key.unit && !["choice", "switch"].includes(key.kind)
       ? element("span", { class: "unit" }, key.unit) : null;
     this.element = element("div", { class: `field${wide ? " wide" : ""}`, "data-path": path },
-      element("label", { for: this.id, title: wide ? null : key.words }, this.name),
+      element("span", { class: "name" },
+        element("label", { for: this.id }, this.name), wide ? null : this.makeHelp()),
       element("span", { class: "value" }, this.back, this.control, unit),
-      wide ? element("p", { class: "note" }, key.words) : null, this.makeSlider(), this.problem);
+      this.about = element("p", { class: "note", id: `${this.id}-about`, hidden: !wide }, about ?? key.words),
+      this.makeSlider(), this.problem);
     this.show();
+  }
+
+  // What a key means, for those who ask: by mouse, touch or keys.
+  makeHelp() {
+    const button = element("button", {
+      type: "button", class: "what", "aria-label": `What is ${this.name}?`, "aria-expanded": "false",
+      "aria-controls": `${this.id}-about`,
+    }, "?");
+    button.addEventListener("click", () => {
+      this.about.hidden = !this.about.hidden;
+      button.setAttribute("aria-expanded", String(!this.about.hidden));
+    });
+    return button;
   }
 
   makeControl(names) {
@@ -53,7 +72,7 @@ export class Field {
     const { key } = this, list = element("select");
     const choices = key.choices ?? Object.keys(key.sets);
     list.append(
-      ...(key.sets || key.optional || key.default === null ? [new Option(key.sets ? "as in the file" : "–", "")] : []),
+      ...(key.sets || key.optional || key.default === null ? [new Option(key.sets ? "as given" : "–", "")] : []),
       ...choices.map((it) => new Option(names[it] ?? (this.isPlain ? String(it) : labelled(it)), it)));
     list.addEventListener("change", () => this.choose(list.value));
     return list;
@@ -69,7 +88,10 @@ export class Field {
     return slider;
   }
 
-  choose(value) { this.done(this.page.changes.choose(this.path, value)); }
+  choose(value) {
+    const { page: { changes }, path } = this, others = this.instead.filter((it) => changes.has(it));
+    this.done(others.length ? changes.replace(path, value, others) : changes.choose(path, value));
+  }
 
   reset() {
     this.control.focus();

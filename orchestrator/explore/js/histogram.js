@@ -9,6 +9,7 @@ import { decimal, line, roundStep, ticks, write } from "../../web/js/pen.js";
 import { length } from "./phrases.js";
 
 const MARGINS = { left: 12, right: 12, top: 24, bottom: 34 };
+const ROW = 15, GAP = 6; // of labels, in pixels
 
 export function drawHistogram(pen, { width, height }, receivers, look) {
   pen.fillStyle = look.paper;
@@ -85,18 +86,43 @@ function drawOutline(pen, receiver, x, y, look) {
   pen.setLineDash([]);
 }
 
-// Where the 95 % are; labels of later receivers are lower, so that none cover each other.
+// Where the 95 % are: lines, then their labels.
 function drawMarks(pen, receivers, x, { top, floor, width }, look) {
   pen.font = look.font(11, true);
-  receivers.forEach((it, i) => {
-    const at = x(it.p95), low = top - 10 + 15 * i;
-    if (!Number.isFinite(at) || at > width - 12) return;
-    pen.strokeStyle = look.of(it);
+  const marks = marksOf(receivers, x, width, (text) => pen.measureText(text).width);
+  const low = ({ row }) => top - 6 + ROW * row;
+  for (const mark of marks) {
+    pen.strokeStyle = look.of(mark.receiver);
     pen.lineWidth = 1.6;
-    line(pen, [[at, low + 4], [at, floor]], 0);
-    const left = at > width - 110;
-    pen.textAlign = left ? "right" : "left";
-    write(pen, `95 % within ${length(it.p95)}`, at + (left ? -5 : 5), low + 4, look.ink, look.paper);
+    line(pen, [[mark.at, low(mark)], [mark.at, floor]], 0);
+  }
+  for (const mark of marks) write(pen, mark.text, mark.from, low(mark), look.ink, look.paper);
+}
+
+/**
+ * Labels of the 95 %: { receiver, text, at, from, to, row }; places in pixels. None covers another
+ * one, or leaves the picture: each is in the first row where it fits, on either side of its line.
+ */
+export function marksOf(receivers, x, width, measured) {
+  const found = [];
+  receivers.forEach((receiver, i) => {
+    const at = x(receiver.p95), text = `${i ? receiver.label : "95 % within"} ${length(receiver.p95)}`;
+    if (!Number.isFinite(at) || at > width - MARGINS.right) return;
+    const size = measured(text), sides = [[at + 5, at + 5 + size], [at - 5 - size, at - 5]];
+    const inside = sides.filter(([from, to]) => from >= 0 && to <= width);
+    const fits = (row) => (inside.length ? inside : sides).find(([from, to]) =>
+      found.every((it) => it.row !== row || to + GAP < it.from || it.to + GAP < from));
+    const row = receivers.findIndex((_, k) => fits(k)), [from, to] = fits(row);
+    found.push({ receiver, text, at, from, to, row });
   });
-  pen.textAlign = "left";
+  return found;
+}
+
+/** As a picture to be saved, see web/js/save.js. */
+export function histogramPicture(size, receivers, look) {
+  return {
+    ...size, look,
+    legend: receivers.map((it) => ({ label: it.label, colour: look.of(it), dash: it.dash, mark: "line" })),
+    draw: (pen) => drawHistogram(pen, size, receivers, look),
+  };
 }

@@ -5,20 +5,20 @@ import { Stage } from "../../web/js/stage.js";
 import { lookOf } from "../../web/js/style.js";
 import { surface } from "../../web/js/surface.js";
 import { BeaconEditor } from "./beacons.js";
-import { showCauses } from "./causes.js";
-import { hasEffect, makeControls } from "./controls.js";
+import { causesPicture, showCauses } from "./causes.js";
+import { isShown, makeControls } from "./controls.js";
 import { $, download, element, put, swatch } from "./dom.js";
 import { Explorer } from "./explorer.js";
-import { drawHistogram } from "./histogram.js";
+import { drawHistogram, histogramPicture } from "./histogram.js";
 import { PathEditor } from "./path.js";
 import { length } from "./phrases.js";
 import { ReceiverChoice } from "./receivers.js";
 import { SettingsList } from "./settings.js";
 import { Changes } from "./changes.js";
+import { Comparison } from "./compared.js";
 import { showBuy, showVerdict, tell } from "./verdict.js";
 import { Water } from "./water.js";
 
-const RETRIES = 2;
 const NO_FIT = "The link has settings that do not fit this page: ";
 const PAUSE = 80; // ms without a change before many dives start
 
@@ -28,6 +28,7 @@ class Page {
     this.stage = new Stage(run, { title: explorer.title, kind: "total", keys: $("dive") });
     this.fields = makeControls(this);
     this.receivers = new ReceiverChoice(this);
+    this.comparison = new Comparison(this);
     this.beacons = new BeaconEditor(this);
     this.path = new PathEditor(this);
     this.water = new Water(this);
@@ -54,9 +55,11 @@ class Page {
     $("count").addEventListener("change", () => this.compute());
     $("seed").addEventListener("change", () => this.seed($("seed").value.trim()));
     $("next-seed").addEventListener("click", () => this.seed(this.explorer.seed + 1));
-    document.querySelectorAll('[data-save^="histogram "]').forEach((button) => {
-      button.addEventListener("click", () => this.saveHistogram(button.dataset.save.split(" ")[1]));
-    });
+    for (const name of Object.keys(this.pictures)) {
+      document.querySelectorAll(`[data-save^="${name} "]`).forEach((button) => {
+        button.addEventListener("click", () => this.save(name, button.dataset.save.split(" ")[1]));
+      });
+    }
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.drawHistogram());
     addEventListener("hashchange", () => this.follow());
   }
@@ -129,9 +132,9 @@ class Page {
     const { explorer, changes } = this;
     for (const field of this.fields) {
       field.show();
-      field.element.hidden = !hasEffect(this, field.key) && !changes.has(field.path);
+      field.element.hidden = !isShown(this, field);
     }
-    for (const part of [this.receivers, this.beacons, this.path, this.list]) part.show();
+    for (const part of [this.receivers, this.comparison, this.beacons, this.path, this.list]) part.show();
     $("reset-all").hidden = !explorer.link();
     if ($("seed-problem").hidden) $("seed").value = explorer.seed;
     put($("command"), explorer.command());
@@ -147,7 +150,7 @@ class Page {
 
   // --- Many dives -----------------------------------------------------------------------------------
 
-  async compute(again = RETRIES) {
+  async compute() {
     const { explorer } = this, [main] = explorer.receivers;
     explorer.cancel();
     const turn = ++this.turn;
@@ -165,14 +168,13 @@ class Page {
       tell(summary.receivers[main].p95, main);
       document.body.classList.remove("computing");
     } catch (error) {
-      if (turn !== this.turn) return;
-      if (again) await this.compute(again - 1); // a worker may end, when memory is short
-      else this.report(`The dives could not be computed: ${error.message}`);
+      if (turn === this.turn) this.report(`The dives could not be computed: ${error.message}`);
     }
   }
 
   takeCauses(found, turn) {
     if (turn !== this.turn) return;
+    this.causes = found.causes;
     showCauses(found.causes, found);
     put($("then"), `${found.done} of ${found.n} dives without each cause`);
   }
@@ -181,6 +183,7 @@ class Page {
     this.summary = { ...summary, main };
     const styles = Object.fromEntries(this.stage.run.receivers.map((it) => [it.label, it]));
     showVerdict(summary, styles, main);
+    this.comparison.take(summary.receivers, styles, main);
     put($("dives-note"), `${summary.done} dives, each with its own waves, noise and losses: seeds ${seedsOf(this.explorer.seed, summary.done)}.`);
     const { p50, p95 } = summary.receivers[main];
     $("histogram").setAttribute("aria-label", `Histogram of the errors of ${summary.done} dives with `
@@ -201,13 +204,21 @@ class Page {
     if (this.size) drawHistogram(this.histogram.pen, this.size, this.compared, lookOf(document.body));
   }
 
-  async saveHistogram(kind) {
-    const look = lookOf(document.body), compared = this.compared;
-    await savePicture(kind, "dives", {
-      ...this.size, look, title: `${this.explorer.title}, errors of ${this.summary.done} dives`,
-      legend: compared.map((it) => ({ label: it.label, colour: look.of(it), dash: it.dash, mark: "line" })),
-      draw: (pen) => drawHistogram(pen, this.size, compared, look),
-    });
+  // Pictures of the page itself; those of one dive are of its stage.
+  get pictures() {
+    const { title, receivers: [main] } = this.explorer;
+    return {
+      histogram: (look) => ({ name: "dives", title: `${title}, errors of ${this.summary.done} dives`,
+        ...histogramPicture(this.size, this.compared, look) }),
+      causes: (look) => ({ name: "causes", title: `${title}, what limits ${main}`, ...causesPicture(this.causes, look) }),
+      beacons: (look) => ({ name: "beacons", title: `${title}, beacons: forward, right, down`, ...this.beacons.pictureOf(look) }),
+    };
+  }
+
+  async save(name, kind) {
+    if (name !== "beacons" && !(this.summary && this.causes)) return; // not known yet
+    const { name: file, ...picture } = this.pictures[name](lookOf(document.body));
+    await savePicture(kind, file, picture);
   }
 }
 

@@ -13,6 +13,8 @@ export function share(x, digits = 0) {
   return Number.isFinite(x) ? `${decimal(100 * x, digits)} %` : "–";
 }
 
+export const whole = (n) => n.toLocaleString("en").replaceAll(",", " ");
+
 // A value of a key as people type it.
 export function typed(value) {
   if (value === null || value === undefined) return "";

@@ -7,9 +7,10 @@ const SETTLING = 20_000_000_000n; // errors count from here [ns]
 const RUNS = 10; // dives in each cell
 
 /**
- * Errors in the cells of a grid; lab: see `explorer.js`. Null if the state no longer holds.
+ * Errors in the cells of a grid; lab: see `explorer.js`. Null if the state no longer holds, or the
+ * errors are no longer `wanted`.
  */
-export async function waterOf(lab, grid, onPart) {
+export async function waterOf(lab, grid, onPart, wanted = () => true) {
   const { north, east, depth } = grid, places = north.flatMap((n) => east.map((e) => [n, e]));
   const changes = circling(lab.state, depth), cells = places.map(() => []);
   if (!lab.plan(changes)) return null;
@@ -25,7 +26,7 @@ export async function waterOf(lab, grid, onPart) {
       const seeds = Array.from({ length: RUNS }, (_, i) => lab.state.seed + i * places.length + cell);
       return [cell, await lab.lengths(`water ${slot}`, plan, seeds, true)];
     }));
-    if (found.some(([, lengths]) => !lengths) || !lab.holds()) return null;
+    if (found.some(([, lengths]) => !lengths) || !lab.holds() || !wanted()) return null;
     for (const [cell, lengths] of found) cells[cell] = lengths.flatMap((it) => [...it]);
     if (first + width < order.length && first % (4 * width) === 0) onPart(result(first + width));
   }

@@ -1,11 +1,18 @@
-// Which receiver the verdict is about, and which others are beside it.
+// Which receiver the verdict is about; others are compared with it.
+//
+//   new ReceiverChoice(page)     .use(name), .compare(name, on), .show()
 
 import { $, element, put } from "./dom.js";
 
-const WORDS = {
-  coupled: "estimates GPS, compass, clock and sound speed, too", ekf: "the paper's filter",
-  sequential: "one range at a time", fixed_lag: "a few seconds late", raw: "without a filter",
-  long_baseline: "for beacons far apart", array: "hydrophones close together",
+/** What each receiver is, in plain words. */
+export const WORDS = {
+  coupled: "a filter that also estimates the errors of GPS, compass, clock and sound speed",
+  ekf: "the paper's Kalman filter, which takes the beacons' reports as true",
+  sequential: "a Kalman filter that takes each range at its own time",
+  fixed_lag: "as coupled, but a few seconds late, and more accurate",
+  raw: "no filter: a new position from the latest ranges each time",
+  long_baseline: "for beacons far apart, each with an error of its own",
+  array: "for several hydrophones close together that hear one ping",
 };
 
 export class ReceiverChoice {
@@ -13,32 +20,32 @@ export class ReceiverChoice {
     this.page = page;
     const own = page.explorer.types.filter((it) => it !== "raw");
     this.main = element("select", { id: "main-receiver" }, ...own.map((it) => new Option(it, it)));
-    this.main.addEventListener("change", () => this.choose());
-    this.boxes = new Map(own.map((it) => [it, element("input", { type: "checkbox", "data-beside": it })]));
-    for (const box of this.boxes.values()) box.addEventListener("change", () => this.choose());
+    this.main.addEventListener("change", () => this.use(this.main.value));
     $("receivers").append(
       element("div", { class: "field" }, element("label", { for: "main-receiver" }, "The diver's"),
         element("span", { class: "value" }, this.main)),
-      element("p", { class: "note", id: "main-words" }),
-      ...[...this.boxes].map(([name, box]) => element("label", { class: "beside" }, box, `beside it: ${name}`)));
+      element("p", { class: "note", id: "main-words" }));
   }
 
-  choose() {
-    const main = this.main.value;
-    const beside = [...this.boxes].filter(([name, box]) => box.checked && name !== main).map(([name]) => name);
-    const problem = this.page.explorer.setReceivers([main, ...beside]);
+  use(name) {
+    this.choose([name, ...this.page.explorer.receivers.filter((it) => it !== name)]);
+  }
+
+  compare(name, on) {
+    const others = this.page.explorer.receivers.filter((it) => it !== name);
+    this.choose(on ? [...others, name] : others);
+  }
+
+  choose(receivers) {
+    const problem = this.page.explorer.setReceivers(receivers);
     $("receivers-problem").hidden = !problem;
     put($("receivers-problem"), problem ?? "");
     this.page.changed();
   }
 
   show() {
-    const [main, ...beside] = this.page.explorer.receivers;
+    const [main] = this.page.explorer.receivers;
     this.main.value = main;
     put($("main-words"), `${main}: ${WORDS[main] ?? ""}`);
-    for (const [name, box] of this.boxes) {
-      box.checked = name === main || beside.includes(name);
-      box.closest("label").hidden = name === main;
-    }
   }
 }

@@ -28,8 +28,8 @@ export class SettingsList {
     $("found").replaceChildren(...tables(shown).map(([table, keys]) => element("fieldset", {},
       element("legend", {}, `[${table}]`), ...keys.map((key) => this.field(key).element))));
     put($("found-note"), words.length || only
-      ? `${found.length} of ${explorer.keys.length} keys${found.length > MOST ? `; the first ${MOST} are shown` : ""}`
-      : `${explorer.keys.length} keys: type a word, such as depth, gps or echo`);
+      ? `${found.length} of ${explorer.keys.length} settings${found.length > MOST ? `; the first ${MOST} are shown` : ""}`
+      : `${explorer.keys.length} settings: type a word, such as depth, gps or echo`);
     this.show();
   }
 

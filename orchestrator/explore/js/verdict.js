@@ -1,8 +1,8 @@
-// What is said first: how far off, what to buy first, whether the claim holds, and other receivers.
+// What is said first: how far off, what to buy first, and whether the claim holds.
 
-import { $, element, put, swatch } from "./dom.js";
+import { $, put, swatch } from "./dom.js";
 import { decimal } from "../../web/js/pen.js";
-import { length, share } from "./phrases.js";
+import { length, share, whole } from "./phrases.js";
 
 /** From `explorer.dives`: while the runs are done, and when they are. */
 export function showVerdict({ done, n, receivers }, styles, main) {
@@ -15,10 +15,7 @@ export function showVerdict({ done, n, receivers }, styles, main) {
   Object.assign($("progress"), { value: done, max: n });
   put($("lost"), own.lost ? `, lost in ${whole(own.lost)}` : "");
   showClaim(own, main);
-  showOthers(receivers, styles, main);
 }
-
-const whole = (n) => n.toLocaleString("en").replaceAll(",", " ");
 
 // The verdicts of `orchestrator/judge/consistency.py`, in short and in a sentence.
 const CLAIMS = {
@@ -27,22 +24,18 @@ const CLAIMS = {
   optimistic: ["fails", "too small", (times) => `too small: the true one is ${times} times as large`],
 };
 
-function showClaim({ claim: { verdict, factor } }, main) {
+/** What is said of a claim: { kind, short, words }. */
+export function claimIn({ claim: { verdict, factor } }) {
   const [kind, short, words] = CLAIMS[verdict] ?? ["unknown", "not known yet", null];
   const times = decimal(verdict === "pessimistic" ? 1 / factor : factor, 2);
-  put($("holds"), short);
-  $("holds").dataset.verdict = kind;
-  put($("claim"), words ? `The error that ${main} claims is ${words(times)}.` : "");
+  return { kind, short, words: words ? words(times) : null };
 }
 
-const claimed = ({ claim }) =>
-  CLAIMS[claim?.verdict] ? `; claimed error ${CLAIMS[claim.verdict][1]}` : "";
-
-function showOthers(receivers, styles, main) {
-  const others = Object.keys(receivers).filter((name) => name !== main);
-  $("others").replaceChildren(...others.flatMap((name) => [element("div", {},
-    element("dt", {}, swatch(styles[name]), `95 %, ${name}${claimed(receivers[name])}`),
-    element("dd", {}, length(receivers[name].p95)))]));
+function showClaim(own, main) {
+  const { kind, short, words } = claimIn(own);
+  put($("holds"), short);
+  $("holds").dataset.verdict = kind;
+  put($("claim"), words ? `The error that ${main} claims is ${words}.` : "");
 }
 
 /** From `explorer.causes`; null while they are not known. */

@@ -1,23 +1,30 @@
-// The water in colours: what 95 % of the errors at each place are within.
+// The water in colours: what 95 % of the errors at each place are within, over what the map shows.
 //
-//   new Water(page)     .clear(), .show()
+//   new Water(page)     .clear(), .on
+//
+// With a limit [m], two colours: where the error is within it, and where it is not.
 
 import { $, put } from "./dom.js";
-import { length } from "./phrases.js";
+import { line } from "../../web/js/pen.js";
+import { length, share } from "./phrases.js";
 
 // Matplotlib's viridis, from bright to dark, as the maps of `sblcosim map` have it.
 const COLOURS = ["#fde725", "#90d743", "#35b779", "#21918c", "#31688e", "#443983", "#440154"];
+const WITHIN = "#35b779", BEYOND = "#e69f00";
 const CELLS = 15; // along the longer side
+const PAUSE = 400; // ms without a move before what is seen then is computed
+const SPARE = 0.02, LARGER = 2; // of what is seen: missing, and times its size, without another one
 
 export class Water {
   constructor(page) {
-    Object.assign(this, { page, on: false });
+    Object.assign(this, { page, on: false, cells: null, before: null, limit: null });
     $("colour").addEventListener("click", () => { if (this.on) this.clear(); else this.compute(); });
+    $("water-limit").addEventListener("change", () => this.confine());
   }
 
   clear() {
-    this.on = false;
-    this.cells = null;
+    Object.assign(this, { on: false, cells: null, before: null, grid: null });
+    clearTimeout(this.timer);
     $("colour").setAttribute("aria-pressed", "false");
     $("water-scale").hidden = true;
     this.page.stage.state.under = null;
@@ -25,62 +32,142 @@ export class Water {
   }
 
   async compute() {
-    const { page } = this, { explorer, stage } = page;
+    const { explorer, stage } = this.page, grid = this.grid = gridOf(stage);
     this.on = true;
+    this.before = this.cells ?? this.before;
+    this.cells = null;
     $("colour").setAttribute("aria-pressed", "true");
     put($("water-words"), "computing …");
     $("water-scale").hidden = false;
-    const result = await explorer.water(this.grid(stage), (part) => this.take(part));
-    if (result) this.take(result);
-  }
-
-  // Square cells over what the map shows, at the diver's mean depth.
-  grid({ run, view, state: { box } }) {
-    const seen = [view.under(0, view.height), view.under(view.width, 0)];
-    const [low, high] = view.isPlan ? seen : [box.low, box.high];
-    const size = Math.max(high[0] - low[0], high[1] - low[1]) / CELLS;
-    const along = (k) => {
-      const count = Math.max(Math.ceil((high[k] - low[k]) / size - 1e-9), 1);
-      const middle = (low[k] + high[k]) / 2;
-      return Array.from({ length: count }, (_, i) => Math.round((middle + (i - (count - 1) / 2) * size) * 100) / 100);
-    };
-    const depths = Array.from(run.diver.z), depth = depths.reduce((sum, z) => sum + z / depths.length, 0);
-    return { north: along(0), east: along(1), size, depth: Math.round(depth * 10) / 10 };
+    const wanted = () => this.grid === grid;
+    const result = await explorer.water(grid, (part) => this.take(part), wanted);
+    if (result && wanted()) this.take(result);
   }
 
   // values [m] by row of north and column of east; NaN where it is not known yet.
   take(result) {
-    if (!this.on) return;
-    const known = Array.from(result.values).filter(Number.isFinite).sort((a, b) => a - b);
+    this.cells = result;
+    if (result.done === result.n) this.before = null;
+    this.show();
+  }
+
+  confine() {
+    const text = $("water-limit").value.trim(), limit = Number(text.replace(",", "."));
+    const fits = text === "" || limit > 0 && limit < Infinity;
+    $("water-problem").hidden = fits;
+    $("water-limit").setAttribute("aria-invalid", String(!fits));
+    put($("water-problem"), fits ? "" : `limit: must be a number above 0, got '${text}'`);
+    if (!fits) return;
+    this.limit = text === "" ? null : limit;
+    this.show();
+  }
+
+  // What the colours mean, for the page and for pictures of the map.
+  get scale() {
+    const known = Array.from(this.cells.values).filter(Number.isFinite).sort((a, b) => a - b);
     const low = known[0] ?? 0, high = Math.max(known[Math.floor(0.95 * (known.length - 1))] ?? 1, low * 1.0001);
-    this.cells = { ...result, low, high };
-    const { done, n, depth } = result;
-    put($("water-low"), length(low));
-    put($("water-high"), length(high));
-    put($("water-words"), `95 % error of ${this.page.explorer.receivers[0]} at ${depth} m depth`
+    const within = known.filter((it) => it <= this.limit).length / known.length;
+    return { low, high, within, colour: (value) => this.limit === null
+      ? colourOf((value - low) / (high - low)) : value <= this.limit ? WITHIN : BEYOND };
+  }
+
+  show() {
+    if (!this.cells) return;
+    const { page, limit, cells: { done, n, depth } } = this, { low, high, within } = this.scale;
+    $("water-bar").classList.toggle("two", limit !== null);
+    put($("water-low"), limit === null ? length(low) : `within ${length(limit)}`);
+    put($("water-high"), limit === null ? length(high) : "beyond");
+    put($("water-words"), (limit === null ? "" : `${share(within)} of what is seen is within it: `)
+      + `95 % error of ${page.explorer.receivers[0]} at ${depth} m depth`
       + (done < n ? `, ${Math.round(100 * done / n)} % done` : ""));
-    this.page.stage.state.under = (pen, view) => this.draw(pen, view);
-    this.page.stage.drawMap();
+    page.stage.state.under = Object.assign((pen, view) => this.draw(pen, view), { legend: this.legend });
+    page.stage.drawMap();
+  }
+
+  get legend() {
+    const { low, high, colour } = this.scale, mark = "area", { limit } = this;
+    const middle = (low + high) / 2, of = "95 % error";
+    return limit === null
+      ? [low, middle, high].map((it) => ({ label: `${of} ${length(it)}`, colour: colour(it), dash: [], mark }))
+      : [{ label: `${of} within ${length(limit)}`, colour: WITHIN, dash: [], mark },
+        { label: "beyond", colour: BEYOND, dash: [], mark }];
   }
 
   draw(pen, view) {
-    const { north, east, size, depth, values, low, high } = this.cells, half = size / 2;
+    this.follow();
     pen.save();
     pen.globalAlpha = 0.75;
-    north.forEach((n, i) => east.forEach((e, j) => {
-      const value = values[i * east.length + j];
-      if (!Number.isFinite(value)) return;
-      pen.fillStyle = colourOf((value - low) / (high - low));
-      pen.beginPath();
-      [[n - half, e - half], [n - half, e + half], [n + half, e + half], [n + half, e - half]].forEach(([x, y], k) => {
-        const at = view.project(x, y, depth);
-        if (k) pen.lineTo(...at); else pen.moveTo(...at);
-      });
-      pen.closePath();
-      pen.fill();
-    }));
+    const { colour } = this.cells ? this.scale : {};
+    for (const cells of [this.before, this.cells]) if (cells && colour) drawCells(pen, view, cells, colour);
+    pen.globalAlpha = 1;
+    if (this.cells && this.limit !== null) drawBorder(pen, view, this.cells, this.limit);
     pen.restore();
   }
+
+  // Another grid where the map shows much that has no colour, or much less than is coloured.
+  follow() {
+    const { stage } = this.page;
+    if (!this.grid || isCovered(gridOf(stage), this.grid)) return;
+    clearTimeout(this.timer);
+    this.timer = setTimeout(() => {
+      if (this.on && !isCovered(gridOf(stage), this.grid)) this.compute();
+    }, PAUSE);
+  }
+}
+
+// Square cells over what the map shows, at the diver's mean depth.
+function gridOf({ run, view, state: { box } }) {
+  const seen = [view.under(0, view.height), view.under(view.width, 0)];
+  const [low, high] = view.isPlan ? seen : [box.low, box.high];
+  const size = Math.max(high[0] - low[0], high[1] - low[1]) / CELLS;
+  const along = (k) => {
+    const count = Math.max(Math.ceil((high[k] - low[k]) / size - 1e-9), 1);
+    const middle = (low[k] + high[k]) / 2;
+    return Array.from({ length: count }, (_, i) => Math.round((middle + (i - (count - 1) / 2) * size) * 100) / 100);
+  };
+  const depths = Array.from(run.diver.z), depth = depths.reduce((sum, z) => sum + z / depths.length, 0);
+  return { north: along(0), east: along(1), size, depth: Math.round(depth * 10) / 10 };
+}
+
+function isCovered(seen, grid) {
+  const reach = ({ size }, axis) => [axis[0] - size / 2, axis.at(-1) + size / 2];
+  return grid.size <= LARGER * seen.size && ["north", "east"].every((name) => {
+    const [low, high] = reach(seen, seen[name]), [least, most] = reach(grid, grid[name]);
+    const spare = SPARE * (high - low) + grid.size / 2;
+    return low >= least - spare && high <= most + spare;
+  });
+}
+
+function drawCells(pen, view, { north, east, size, depth, values }, colour) {
+  const half = size / 2;
+  north.forEach((n, i) => east.forEach((e, j) => {
+    const value = values[i * east.length + j];
+    if (!Number.isFinite(value)) return;
+    pen.fillStyle = colour(value);
+    pen.beginPath();
+    [[n - half, e - half], [n - half, e + half], [n + half, e + half], [n + half, e - half]].forEach(([x, y], k) => {
+      const at = view.project(x, y, depth);
+      if (k) pen.lineTo(...at); else pen.moveTo(...at);
+    });
+    pen.closePath();
+    pen.fill();
+  }));
+}
+
+// Between cells within the limit and others.
+function drawBorder(pen, view, { north, east, size, depth, values }, limit) {
+  const half = size / 2, at = (i, j) => values[i * east.length + j] <= limit;
+  const known = (i, j) => Number.isFinite(values[i * east.length + j]);
+  pen.strokeStyle = "#000";
+  pen.lineWidth = 1.5;
+  const side = (i, j, k, l, from, to) => {
+    if (k < north.length && l < east.length && known(i, j) && known(k, l) && at(i, j) !== at(k, l))
+      line(pen, [from, to].map(([x, y]) => view.project(x, y, depth)), 0);
+  };
+  north.forEach((n, i) => east.forEach((e, j) => {
+    side(i, j, i + 1, j, [n + half, e - half], [n + half, e + half]);
+    side(i, j, i, j + 1, [n - half, e + half], [n + half, e + half]);
+  }));
 }
 
 export function colourOf(share) {

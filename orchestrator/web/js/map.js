@@ -4,7 +4,7 @@
 //   drawMap(pen, view, run, state, look)    draws it all
 //
 // `state` has `time`, `shown`, a flag for each receiver, and if anything is below the drawing,
-// `under(pen, view)`; `look` is of `style.js`.
+// `under(pen, view)`, with its `legend` for pictures; `look` is of `style.js`.
 
 import { factorOf, indexAt, pointAt, standing, wavePointAt } from "./data.js";
 import { decimal, line, roundStep, ticks, write } from "./pen.js";

@@ -2,7 +2,8 @@
 //
 //   savePicture(kind, name, { width, height, title, legend, look, draw })
 //
-// `draw(pen)` draws into a pen of that size; `legend` has { label, colour, dash, mark }.
+// `draw(pen)` draws into a pen of that size; `legend` has { label, colour, dash, mark },
+// and the `alpha` of an area.
 
 import { SvgPen, line } from "./pen.js";
 
@@ -59,11 +60,11 @@ function compose(pen, { width, height, title, look, draw }, { rows, top }) {
   rows.forEach((row, i) => {
     let x = 8;
     const y = 40 + LINE * i;
-    for (const { label, colour, dash, mark, size } of row) {
-      drawMark(pen, x, y - 4, colour, dash, mark, look);
+    for (const entry of row) {
+      drawMark(pen, x, y - 4, entry, look);
       pen.fillStyle = look.ink;
-      pen.fillText(label, x + 30, y);
-      x += size;
+      pen.fillText(entry.label, x + 30, y);
+      x += entry.size;
     }
   });
   pen.save();
@@ -74,12 +75,15 @@ function compose(pen, { width, height, title, look, draw }, { rows, top }) {
   pen.restore();
 }
 
-function drawMark(pen, x, y, colour, dash, mark, look) {
+function drawMark(pen, x, y, { colour, dash, mark, alpha = 0.75 }, look) {
   pen.save();
   pen.strokeStyle = pen.fillStyle = colour;
   pen.lineWidth = 2;
   if (mark === "dots") {
     for (const dx of [3, 11, 19]) pen.fillRect(x + dx, y - 1.5, 3, 3);
+  } else if (mark === "area") {
+    pen.globalAlpha = alpha;
+    pen.fillRect(x, y - 5, 24, 10);
   } else {
     pen.setLineDash(dash.map((d) => d * 2));
     line(pen, [[x, y], [x + 24, y]], 0);

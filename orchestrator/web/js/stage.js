@@ -190,7 +190,7 @@ export class Stage {
     ].filter(([there]) => there).map(([, entry]) => entry);
     const title = `${this.title}, at ${clock(state.time, this.span)}`;
     const drawing = which === "map"
-      ? { width: view.width, height: view.height, legend: [...receivers, ...others],
+      ? { width: view.width, height: view.height, legend: [...receivers, ...others, ...(state.under?.legend ?? [])],
         draw: (pen) => drawMap(pen, view, run, state, look) }
       : { width: plot.width, height: plot.height, legend: receivers,
         draw: (pen) => { plot.draw(pen, state, look); plot.drawCursor(pen, state, look); } };

@@ -4,7 +4,7 @@
 // vertical, `elevation` is its angle above the horizon, both in radians.
 
 const PLAN = Math.PI / 2;
-const LEAST_ZOOM = 0.5, MOST_ZOOM = 60;
+const LEAST_ZOOM = 0.1, MOST_ZOOM = 60;
 
 export class View {
   constructor() {

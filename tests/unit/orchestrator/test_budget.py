@@ -31,6 +31,7 @@ from sblcosim.limits.run import of_run
 from sblcosim.models import COMPONENTS
 from sblcosim.models.acoustics import clock
 from sblcosim.models.platform import gps, imu
+from sblcosim.report.common import PLAY
 from sblcosim.scenario.error_sources import SOURCES
 from sblcosim.scenario.scenario import load, shipped
 from sblcosim.scenario.wiring import connect
@@ -877,11 +878,14 @@ def invoke(*arguments: str) -> Any:
 
 def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    keys = (f"--set={key}={value}" for key, value in SHORT.items())
+    keys = [f"--set={key}={value}" for key, value in SHORT.items()]
     options = (*keys, "--runs", str(RUNS), "--no-figures")
     printed = invoke(DIVE, *options)
     assert printed.exit_code == 0, printed.output
-    assert printed.stdout == f"{_found().text()}\n\nwritten to runs/realistic-dive-budget\n"
+    play = f"sblcosim explore realistic-dive {' '.join(keys).replace('--set=', '--set ')}"
+    assert printed.stdout == (
+        f"{_found().text()}\n\nwritten to runs/realistic-dive-budget\n{PLAY} {play}\n"
+    )
     with_json = invoke(DIVE, *options, "--json", "--better", "--with", "clock+sound-speed")
     document = json.loads(with_json.stdout)
     Draft202012Validator(schema("budget")).validate(document)
