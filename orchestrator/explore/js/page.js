@@ -10,6 +10,7 @@ import { hasEffect, makeControls } from "./controls.js";
 import { $, download, element, put, swatch } from "./dom.js";
 import { Explorer } from "./explorer.js";
 import { drawHistogram } from "./histogram.js";
+import { DiveView } from "./log.js";
 import { PathEditor } from "./path.js";
 import { length } from "./phrases.js";
 import { ReceiverChoice } from "./receivers.js";
@@ -32,6 +33,7 @@ class Page {
     this.path = new PathEditor(this);
     this.water = new Water(this);
     this.list = new SettingsList(this);
+    this.log = new DiveView(this);
     this.histogram = surface($("histogram"), (width, height) => {
       this.size = { width, height };
       this.drawHistogram();
@@ -111,7 +113,7 @@ class Page {
       if (this.water.on) this.water.clear();
       put($("so-far"), "…"); // what is shown beside it is of other settings, for a moment
       document.body.classList.add("computing");
-      this.stage.replace(this.explorer.dive());
+      this.stage.replace(this.log.run() ?? this.explorer.dive());
       this.showLegend();
       clearTimeout(this.timer);
       this.timer = setTimeout(() => this.compute(), PAUSE);
@@ -131,7 +133,7 @@ class Page {
       field.show();
       field.element.hidden = !hasEffect(this, field.key) && !changes.has(field.path);
     }
-    for (const part of [this.receivers, this.beacons, this.path, this.list]) part.show();
+    for (const part of [this.receivers, this.beacons, this.path, this.list, this.log]) part.show();
     $("reset-all").hidden = !explorer.link();
     if ($("seed-problem").hidden) $("seed").value = explorer.seed;
     put($("command"), explorer.command());
@@ -151,6 +153,7 @@ class Page {
     const { explorer } = this, [main] = explorer.receivers;
     explorer.cancel();
     const turn = ++this.turn;
+    if (this.log.isRough) return; // its settings have no path for other dives
     document.body.classList.add("computing");
     showBuy(null);
     const take = (summary) => { if (summary && turn === this.turn) this.take(summary, main); };
@@ -228,6 +231,7 @@ async function start() {
   changes.refresh();
   window.page = new Page(explorer, changes, explorer.dive());
   if (problem) window.page.report(NO_FIT + problem);
+  if (contents.dive) await window.page.log.begin(contents.dive);
   document.body.classList.add("ready");
 }
 
