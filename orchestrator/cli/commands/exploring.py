@@ -11,8 +11,7 @@ import typer
 
 from ...errors import ConfigurationError, quoted
 from ..common import completion
-from ..common.app import SeedOption, SetOption, app, overrides, say, waiting
-from .logs import MappingOption
+from ..common.app import MappingOption, SeedOption, SetOption, app, overrides, say, waiting
 
 _USUAL = "realistic-dive"
 
@@ -70,9 +69,14 @@ def explore(
 
     The page has the real components and needs no network. Its numbers are those of the command
     line: the scenario file that it offers for download gives the same record, to the last bit.
+
+    With --log, the page also replays a recorded dive. Its estimates are those of 'sblcosim
+    process', to the last bit, with any receivers and settings that are chosen there.
     """
     if log is None and mapping is not None:
         raise ConfigurationError(f"--mapping: must come with --log, got {quoted(str(mapping))}")
+    if log is not None and not log.exists():
+        raise ConfigurationError(f"--log: must be a log, got nothing named {quoted(str(log))}")
     with waiting("building components"), redirect_stdout(sys.stderr):
         from ...explore import page
         from ...scenario.scenario import load
@@ -81,12 +85,15 @@ def explore(
         dive = None
         if log is None:
             settled = load(scenario or _USUAL, changes)
+            usual = Path(f"{settled.name}.html")
         else:
             from ...processing.dive import recorded_dive
+            from .logs import folder_name  # the module's own commands come later in the help
 
             dive = recorded_dive(log, chosen, changes, scenario=scenario, mapping=mapping)
             settled = dive.scenario
-        file = Path(f"{settled.name}.html") if out is None else out
+            usual = Path(f"{folder_name(settled.name)}.html")
+        file = usual if out is None else out
         alone = dive is not None and file.suffix.lower() == page.DIVE_ENDING
         if dive is not None and alone:
             page.write_dive(settled, file, chosen, dive)
