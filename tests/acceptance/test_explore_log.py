@@ -130,6 +130,7 @@ def test_a_key_that_is_taken_away_needs_the_file_of_the_page(
     found = replayed(told, tmp_path, log, ("coupled",), {"acoustics.outlier_probability": None})
     assert found["command"] == {
         "file": True, "text": f"sblcosim process {log} --receiver coupled",
+        "changed": ["acoustics.outlier_probability"],
     }
     (log / "scenario.toml").write_text(found["toml"])
     same_estimates(found, process(log, "coupled"))
@@ -254,6 +255,10 @@ def test_more_beacons_than_places_and_fewer(tmp_path: Path) -> None:
         log = made(beacons=beacons)
         page = contents(load("realistic-dive"), (receiver,), [min(count, 8)], lanes=(2,))
         same_estimates(replayed(page, tmp_path, log, (receiver,)), process(log, receiver))
+    arms = [[3.0, 0.0, 1.0], [0.0, 3.0, 1.0], [0.0, -3.0, 1.0]]
+    page = contents(load("realistic-dive"), ("coupled",), [3], lanes=(2,))
+    found = replayed(page, tmp_path, made(), ("coupled",), {"platform.beacon_m": arms})
+    assert found["wrong"].endswith("must be as many as in the recorded dive, 4, got 3")
 
 
 def test_a_page_without_the_beacons_of_a_log_says_so(

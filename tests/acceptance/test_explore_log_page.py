@@ -69,10 +69,10 @@ def browsing(folder: Path, tmp_path: Path) -> Iterator[Callable[..., Tab]]:
     """Open a page; in the end, it must not have complained."""
     tabs: list[Tab] = []
 
-    def open_(file: Path = folder / "page.html", width: int = 1400) -> Tab:
+    def open_(file: Path = folder / "page.html", width: int = 1400, link: str = "") -> Tab:
         tab = Tab(tmp_path, width, 844 if width < 500 else 1000)
         tabs.append(tab)
-        tab.open(file)
+        tab.open(file, link)
         return tab
 
     try:
@@ -106,18 +106,23 @@ def test_a_dropped_dive_is_replayed_with_its_settings_until_it_is_closed(
           "acoustics.loss_probability"), seen: [seen("draw"), seen("log-close"), seen("within")] }};
       change(field("acoustics.range_std_m").querySelector("input[type=text]"), "0.5");
       await settle();
-      const second = {{ last: last(), command: words("log-command") }};
+      const second = {{ last: last(), command: words("log-command"), said: words("log-said") }};
+      $("reset-all").click();
+      await settle();
+      const third = {{ last: last(), said: words("log-said") }};
       await until(() => words("so-far") === "400 dives");
       const verdict = words("within");
       $("log-close").click();
       await settle();
-      return {{ before, first, second, verdict, after: [page.explorer.link(), last()],
+      return {{ before, first, second, third, verdict, after: [page.explorer.link(), last()],
         seen: [seen("draw"), seen("log-close")], map: words("of-map"),
         tables: seen("log-tables") }};
     """)
     log = folder / "run" / "log"
     same_ends(shown["first"]["last"], log, {})
     same_ends(shown["second"]["last"], log, {"acoustics.range_std_m": 0.5})
+    assert shown["second"]["said"].endswith("settings changed here: acoustics.range_std_m")
+    assert shown["third"] == {it: shown["first"][it] for it in ("last", "said")}
     assert shown["first"]["map"] == "The recorded dive: A realistic dive"
     assert shown["first"]["loss"] == 0.25
     assert shown["first"]["seen"] == [False, True, True]
@@ -160,6 +165,35 @@ def test_what_is_no_dive_is_refused_beside_the_control_and_changes_nothing(
         assert rest == [True, True, True, True, "One dive"]
     assert shown["path"] == [[0, 0, 2], [9, 9, 2]]
     assert shown["after"] == [False, "The recorded dive: made"]
+
+
+def test_a_page_of_a_dive_takes_the_settings_of_a_link_and_comes_back_to_its_dive(
+    folder: Path, browsing: Callable[..., Tab], tmp_path: Path
+) -> None:
+    log = folder / "run" / "log"
+    found = recorded_dive(log, RECEIVERS)
+    told = contents(found.scenario, RECEIVERS, lanes=(2,), dive=found)
+    (tmp_path / "page.html").write_text(render(told), "utf-8")
+    other = text_of(made(seconds=60), folder)
+    given = {"acoustics.range_std_m": 0.5}
+    shown = browsing(tmp_path / "page.html", link=json.dumps({"given": given})).run(f"""{HELPERS}
+      await settle();
+      const before = last();
+      await drop("log", "dive.json", {json.dumps(other)});
+      const dropped = [words("of-map"), seen("within")];
+      $("log-close").click();
+      await settle();
+      const after = last();
+      $("log-close").click();
+      await settle();
+      return {{ before, dropped, after, link: page.explorer.link(),
+        end: [words("of-map"), seen("log-close"), seen("within")] }};
+    """)
+    same_ends(shown["before"], log, given)
+    assert shown["dropped"] == ["The recorded dive: made", False]
+    assert shown["after"] == shown["before"]
+    assert "range_std_m" in shown["link"]
+    assert shown["end"] == ["One dive", False, True]
 
 
 @pytest.mark.parametrize("width", [390, 900, 1400])

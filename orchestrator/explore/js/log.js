@@ -49,10 +49,17 @@ export class DiveView {
     $("log-file").value = ""; // so that the same file can be opened again
   }
 
-  // The dive that the page was made with.
+  // The dive that the page was made with: its settings are those of the page, perhaps with a link's.
   async begin(contents) {
+    const { explorer } = this.page;
     this.own = await readDive(JSON.stringify(contents));
-    await this.take(this.own);
+    try {
+      this.replay(this.own);
+    } catch (error) {
+      explorer.reset();
+      this.replay(this.own);
+      this.tell(error.message);
+    }
   }
 
   // An Error says why the dive cannot be shown: then nothing changes.
@@ -63,25 +70,34 @@ export class DiveView {
     const refused = adopt(explorer, dive);
     if (refused) throw new Error(refused);
     try {
-      this.shown = explorer.replay(dive).run;
-      this.dive = dive;
+      this.replay(dive);
       this.before ??= before;
-      this.tell(null);
     } catch (error) {
       adopt(explorer, before);
-      throw error;
-    } finally {
       this.draw();
+      throw error;
     }
   }
 
+  replay(dive) {
+    this.shown = this.page.explorer.replay(dive).run;
+    this.dive = dive;
+    this.tell(null);
+    this.draw();
+  }
+
+  // Back to the settings of the dive.
+  restore() { if (this.dive) adopt(this.page.explorer, this.dive); }
+
+  // Back to what was there before: the page's own dive, or simulated ones.
   close() {
+    if (this.before) adopt(this.page.explorer, this.before);
+    this.before = null;
     if (this.own && this.dive !== this.own) {
-      this.take(this.own);
+      this.replay(this.own);
       return;
     }
-    adopt(this.page.explorer, this.before);
-    this.dive = this.shown = this.before = null;
+    this.dive = this.shown = null;
     this.tell(null);
     this.draw();
   }
@@ -130,8 +146,9 @@ export class DiveView {
       verdicts(shown, tables, dive), residuals(shown, tables, dive),
       shown.diver ? null : agreement(shown, tables)].filter(Boolean));
     put($("log-others"), this.isRough ? ROUGH : OTHERS);
-    $("log-said").replaceChildren(...dive.said.map((it) => element("li", {}, it)));
-    const { text, file } = commandOf(explorer, dive);
+    const { text, file, changed } = commandOf(explorer, dive);
+    const said = changed.length ? [...dive.said, `settings changed here: ${changed.join(", ")}`] : dive.said;
+    $("log-said").replaceChildren(...said.map((it) => element("li", {}, it)));
     put($("log-command"), text);
     put($("log-how"), file ? `, with ${explorer.file} of this page as scenario.toml in the folder of the log:` : ":");
   }

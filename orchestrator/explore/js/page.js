@@ -48,6 +48,7 @@ class Page {
   bind() {
     $("reset-all").addEventListener("click", () => {
       this.explorer.reset();
+      this.log.restore();
       for (const field of [...this.fields, ...this.list.fields.values()]) field.tell(null);
       this.changed();
     });

@@ -7,8 +7,9 @@
 //   adopt(explorer, dive)       take its settings over; null, or why they are refused
 //   replayed(dive, state)       { run, record, instants }: a Run as in `web/js/data.js`, and outputs
 //                               by name at their instants [ns] from the start of the ticks
-//   commandOf(explorer, dive)   { text, file }: the same estimates from the command line; file:
-//                               whether the scenario file of the page must replace that of the log
+//   commandOf(explorer, dive)   { text, file, changed }: the same estimates from the command line;
+//                               file: whether the scenario file of the page must replace that of the
+//                               log; changed: keys that differ from the settings of the dive
 
 import { readRun } from "../../web/js/data.js";
 import { nanoseconds, seconds } from "./numbers.js";
@@ -189,14 +190,14 @@ export function commandOf(explorer, { command, given: own, simulated }) {
     const { table, sets = {} } = explorer.byPath.get(path);
     return Object.values(sets).flatMap(Object.keys).map((key) => `${table}.${key}`);
   }));
-  const gone = Object.keys(own).some((path) => !given.has(path) && !replaced.has(path));
+  const gone = Object.keys(own).filter((path) => !given.has(path) && !replaced.has(path));
   const option = (name, text) => text === null ? "" : ` --${name} ${quoted(text)}`;
-  const file = gone || (!simulated && changed.length > 0);
+  const file = gone.length > 0 || (!simulated && changed.length > 0);
   const set = file ? {} : { ...command.set, ...Object.fromEntries(changed.map(
     ([path, value]) => [path, textOfValue(explorer.byPath.get(path), value)])) };
   const scenario = file && !simulated ? explorer.file : command.scenario;
   return {
-    file: file && simulated,
+    changed: [...changed.map(([path]) => path), ...gone], file: file && simulated,
     text: `sblcosim process ${quoted(command.log)}${option("mapping", command.mapping)}`
       + option("scenario", scenario)
       + Object.entries(set).map(([path, text]) => option("set", `${path}=${text}`)).join("")
