@@ -29,7 +29,7 @@ def numbers() -> dict[str, tuple[ModuleType, str]]:
     from sblcosim.limits import places
     from sblcosim.models.receiver import bound
     from sblcosim.paths import earth
-    from sblcosim.processing import windows
+    from sblcosim.processing import dive, windows
     from sblcosim.require import limiting
     from sblcosim.results.figures import animation
     from sblcosim.simulation.children import process
@@ -44,6 +44,7 @@ def numbers() -> dict[str, tuple[ModuleType, str]]:
         "archive_unpacked": (archive, "MAX_UNPACKED"),
         "batch": (runner, "BATCH"),
         "close": (smoother, "CLOSE"),
+        "dive_instants": (dive, "MOST_INSTANTS"),
         "elements": (description, "MAX_ELEMENTS"),
         "far_std": (bound, "FAR_STD"),
         "farewell": (process, "FAREWELL"),

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import zlib
 from base64 import b64encode
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from sblcosim.fmus.platforms import WASM
 from sblcosim.models import RECEIVERS
@@ -42,6 +42,14 @@ LATE = "receiver.outlier_mean_m"
 """What a receiver assumes about late ranges: the mean excess of outliers and echoes."""
 LANES = (2, 1)
 """Runs side by side of a page's modules; the second is for browsers without vectors."""
+DIVE = "sblcosim dive 1"
+"""What the file of a recorded dive says that it is."""
+
+
+class PackedDive(Protocol):
+    """What a page needs of a recorded dive; see `sblcosim.processing.dive`."""
+
+    def packed(self, **more: Any) -> str: ...
 
 
 def contents(
@@ -49,6 +57,7 @@ def contents(
     receivers: Sequence[str] = (),
     beacons: Collection[int] = (),
     lanes: Collection[int] = LANES,
+    dive: PackedDive | None = None,
 ) -> dict[str, Any]:
     """The content of a page, as plain data; `js/explorer.js` reads it.
 
@@ -60,6 +69,8 @@ def contents(
         Numbers of beacons that can be chosen, beside that of the scenario.
     lanes
         Runs side by side for which there are modules.
+    dive
+        A recorded dive that the page shows first; its settings must be the scenario.
 
     Raises
     ------
@@ -69,13 +80,7 @@ def contents(
         A module must be built, and CasADi or ``ziglang`` is missing, or the compiler fails.
     """
     refuse(scenario)
-    chosen = sources.choose(scenario, tuple(receivers))
-    for it in chosen.values():
-        if it not in RECEIVERS:
-            raise ConfigurationError(
-                f"receiver: must be one of {', '.join(RECEIVERS)} to explore a scenario, got "
-                f"{sources.named(it)}"
-            )
+    chosen = _chosen(scenario, receivers)
     types = [it for it in RECEIVERS if it in {*chosen.values(), *COMPARED}]
     counts = sorted({scenario.beacons, *beacons})
     for count in counts:
@@ -95,7 +100,40 @@ def contents(
         "rules": _rules(scenario),
         "sources": [_source(it) for it in SOURCES.values()],
         "modules": _modules(counts, types, lanes),
+        "dive": None if dive is None else document(scenario, receivers, dive),
     }
+
+
+def document(
+    scenario: Scenario, receivers: Sequence[str], dive: PackedDive
+) -> dict[str, Any]:
+    """A recorded dive with its settings, as plain data; `js/recorded.js` reads it.
+
+    Parameters
+    ----------
+    scenario, receivers
+        The settings, and the receivers to begin with, as in `contents`.
+
+    Raises
+    ------
+    ConfigurationError
+        See `contents`.
+    """
+    refuse(scenario)
+    labels = [label for label in _chosen(scenario, receivers) if label != RAW]
+    return {"format": DIVE, "data": dive.packed(given=given(scenario), receivers=labels)}
+
+
+def _chosen(scenario: Scenario, receivers: Sequence[str]) -> Mapping[str, Any]:
+    """Receivers of ours by label, with the raw fix."""
+    chosen = sources.choose(scenario, tuple(receivers))
+    for it in chosen.values():
+        if it not in RECEIVERS:
+            raise ConfigurationError(
+                f"receiver: must be one of {', '.join(RECEIVERS)} to explore a scenario, got "
+                f"{sources.named(it)}"
+            )
+    return chosen
 
 
 def refuse(scenario: Scenario) -> None:

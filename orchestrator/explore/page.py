@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Collection, Sequence
 from importlib import resources
 from pathlib import Path
@@ -10,23 +11,25 @@ from typing import Any
 from ..scenario.scenario import Scenario
 from ..web.bundle import module
 from ..web.page import environment, filled, saved, style
-from .contents import contents
+from .contents import PackedDive, contents, document
 
 MAIN = "explore/js/page"
 """The module of the page: its DOM."""
+DIVE_ENDING = ".json"
+"""Ending of the file of a recorded dive."""
 _SERVE = "\nserve(self);\n"
 """From a file, Chromium starts only workers that are not modules."""
 
 
 def write(
     scenario: Scenario, file: str | Path, receivers: Sequence[str] = (),
-    beacons: Collection[int] = (),
+    beacons: Collection[int] = (), dive: PackedDive | None = None,
 ) -> Path:
     """Write the page of a scenario; equal scenarios give equal bytes. It appears when complete.
 
     Parameters
     ----------
-    receivers, beacons
+    receivers, beacons, dive
         See `sblcosim.explore.contents.contents`.
 
     Raises
@@ -36,7 +39,28 @@ def write(
     BuildError
         See `sblcosim.explore.contents.contents`.
     """
-    return saved(file, "explore", lambda: render(contents(scenario, receivers, beacons)))
+    return saved(file, "explore", lambda: render(contents(scenario, receivers, beacons, dive=dive)))
+
+
+def write_dive(
+    scenario: Scenario, file: str | Path, receivers: Sequence[str], dive: PackedDive
+) -> Path:
+    """Write a recorded dive as a file that can be opened in a page. It appears when complete.
+
+    Parameters
+    ----------
+    scenario, receivers, dive
+        See `sblcosim.explore.contents.document`.
+
+    Raises
+    ------
+    ConfigurationError
+        The file does not end in ``.json`` or cannot be written, or as `document`.
+    """
+    def made() -> str:
+        return f"{json.dumps(document(scenario, receivers, dive), indent=1)}\n"
+
+    return saved(file, "explore", made, DIVE_ENDING)
 
 
 def show(file: Path) -> None:

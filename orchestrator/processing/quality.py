@@ -152,12 +152,12 @@ def residuals_of(log: Log, estimates: Estimates) -> tuple[Flags, Floats]:
     distance = np.linalg.norm(at - heard.beacon_position[which], axis=1)
     differ = heard.kind[which] == KINDS.index(SIGNED)
     if differ.any():
-        from_middle = np.linalg.norm(at - _middles(heard)[which], axis=1)
+        from_middle = np.linalg.norm(at - middles_of(heard)[which], axis=1)
         distance = distance - np.where(differ, from_middle, 0.0)
     return which, heard.range[which] - distance
 
 
-def _middles(heard: Receptions) -> Floats:
+def middles_of(heard: Receptions) -> Floats:
     """Middle of the beacons at each reception, as packets report it, NED [m]; (m, 3).
 
     Packets without all beacons have the middle of those that heard the same ping.

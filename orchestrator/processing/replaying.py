@@ -25,7 +25,7 @@ from ..simulation.masters.replay import DRIVER, replay
 from ..simulation.plans.plan import Plan, PlannedComponent
 from .playing import Played
 
-_AFTER = 8
+AFTER = 8
 """Number of ticks after its lag in which a receiver gives the rest of its estimates."""
 
 
@@ -90,7 +90,7 @@ def _ticks(
         return given.time_ns[rows], rows
     ticks = np.arange(interval_ns, int(given.time_ns[-1]), interval_ns)
     rows = np.searchsorted(given.time_ns, ticks, side="right") - 1
-    near = ticks - given.time_ns[rows] <= lag_ns + _AFTER * interval_ns
+    near = ticks - given.time_ns[rows] <= lag_ns + AFTER * interval_ns
     return ticks[near], rows[near]
 
 

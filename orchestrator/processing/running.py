@@ -13,7 +13,6 @@ from sblcosim.models.receiver.variables import INITIALISATION
 from ..data.estimates import Estimates, Floats
 from ..data.record import Record
 from ..errors import FmuError
-from ..logs.log import Log
 from ..prepare.prepared import origins_of
 from ..scenario.components import UnconnectedComponent, receiver_of
 from ..scenario.doubts import doubts
@@ -59,7 +58,7 @@ class Ran:
     origins: Mapping[str, Mapping[str, Any]]
 
 
-def ran(log: Log, settled: Settled, choice: Choice, how: How) -> Ran:
+def ran(settled: Settled, choice: Choice, how: How) -> Ran:
     """Run receivers on a log, side by side.
 
     Raises
@@ -67,8 +66,8 @@ def ran(log: Log, settled: Settled, choice: Choice, how: How) -> Ran:
     ConfigurationError, FmuError
         A receiver does not fit, or none of them is left.
     """
-    given = _ports(log, settled)
-    system = _system(log, settled, choice, given)
+    given = ports_of(settled)
+    system = _system(settled, choice, given)
     plan = resolve(system)
     labels = [*choice.receivers]
     own = [label for label in labels if label != RAW]
@@ -120,8 +119,9 @@ def placed(estimates: Estimates, start_ns: int, origin: Floats) -> Estimates:
     )
 
 
-def _ports(log: Log, settled: Settled) -> Played:
-    given = played(log, settled.interval_ns, settled.slots, newest=settled.newest)
+def ports_of(settled: Settled) -> Played:
+    """What receivers are given: the ports of a log, about `Settled.origin`."""
+    given = played(settled.log, settled.interval_ns, settled.slots, newest=settled.newest)
     values = dict(given.values)
     if settled.origin.any():
         for name in ("ping_beacon_position", "packet_beacon_position", "ping_platform_position"):
@@ -136,7 +136,7 @@ def _ports(log: Log, settled: Settled) -> Played:
     return replace(given, values=values)
 
 
-def _system(log: Log, settled: Settled, choice: Choice, given: Played) -> System:
+def _system(settled: Settled, choice: Choice, given: Played) -> System:
     scenario = settled.scenario
     parts = {
         label: receiver_of(scenario, label, source, choice.fmi or scenario.fmi)
@@ -149,7 +149,7 @@ def _system(log: Log, settled: Settled, choice: Choice, given: Played) -> System
     }
     connections = []
     for label, part in parts.items():
-        components[label] = _spec(log, settled, part)
+        components[label] = _spec(settled, part)
         connections += [
             Connection(f"{LOG}.{v.name}", f"{label}.{v.name}") for v in PORTS
             if v.name in part.names
@@ -157,26 +157,40 @@ def _system(log: Log, settled: Settled, choice: Choice, given: Played) -> System
     return System(components, tuple(connections), stop_ns=int(given.time_ns[-1]))
 
 
-def _spec(log: Log, settled: Settled, part: UnconnectedComponent) -> ComponentSpec:
+def _spec(settled: Settled, part: UnconnectedComponent) -> ComponentSpec:
     """A receiver with the parameters that the log decides."""
     scenario = settled.scenario
-    values: dict[str, Any] = start_values(settled, scenario.acoustics.range_std_m)
-    if scenario.true_prior and settled.newest:
+    values = decided(settled, scenario.true_prior, scenario.acoustics.range_std_m)
+    known = {name: value for name, value in values.items() if name in part.names}
+    return part.spec.varied(known, settled.interval_ns)
+
+
+def decided(settled: Settled, told: bool, std: float) -> dict[str, Any]:
+    """Parameters of receivers that the log decides, in place of those of the scenario.
+
+    Parameters
+    ----------
+    told
+        Whether receivers of a simulated dive are told where it starts.
+    std
+        Standard deviation of a range [m]; see `sblcosim.processing.settings.start_values`.
+    """
+    values: dict[str, Any] = start_values(settled, std)
+    if told and settled.newest:
         values |= {
             "initialisation": PRIOR, "prior_velocity": (0.0, 0.0, 0.0),
             "prior_position": tuple(map(float, start_of_truth(settled))),
         }
-    elif scenario.true_prior and settled.window is None:
+    elif told and settled.window is None:
         values["initialisation"] = number_of(INITIALISATION, "first_receptions")
     if settled.platform is not None:
-        arms = places_of(log) - settled.origin - settled.platform
+        arms = places_of(settled.log) - settled.origin - settled.platform
         rows = np.zeros((settled.slots, 3))
         rows[: len(arms)] = arms
         rows[len(arms) :] = arms[-1]
         values["beacon_offset"] = tuple(rows.ravel().tolist())
     values["update_interval"] = settled.interval_ns / 1e9
-    known = {name: value for name, value in values.items() if name in part.names}
-    return part.spec.varied(known, settled.interval_ns)
+    return values
 
 
 def start_of_truth(settled: Settled) -> Floats:

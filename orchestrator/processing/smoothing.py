@@ -56,7 +56,7 @@ def smoothed(ready: Settled, made: Ran) -> tuple[Estimates, Sequence[str], list[
     label = start.ran(record, name)
     if label is None:
         chosen = choice_of(ready.scenario, name)
-        record, label = ran(ready.log, ready, chosen, How(None, None)).record, name
+        record, label = ran(ready, chosen, How(None, None)).record, name
     scenario = applied(ready.scenario, choice_of(ready.scenario, name))
     in_field = name == "long_baseline"
     of = field.IN_FIELD if in_field else model.ON_PLATFORM

@@ -3,6 +3,7 @@
 // modules and plans hold.
 
 const GROUPS = 16; // groups of runs in a call
+const TICKS = 1000; // of a replay in a call
 const PAGE = 65536;
 const AGAIN = 2; // times that a part is done again at a place after its worker has ended
 const PATIENCE = 10_000; // ms
@@ -99,6 +100,66 @@ export class Engine {
       }
       found[name] = values;
       from += size;
+    }
+    return found;
+  }
+
+  /**
+   * Give recorded inputs to one component: `orchestrator/simulation/masters/replay.py`.
+   *
+   * type: of the component; start: its parameters and inputs before the start. start_ns, interval:
+   * BigInt [ns]; ticks: BigInt64Array [ns], the start plus multiples of the interval. columns: for
+   * each input element, its number among all values of the component and its values at the ticks.
+   * spans: for each output, its first element and their number. Returns the values of each output
+   * one interval after each tick, (ticks, elements).
+   */
+  replay({ type, start, startNs, interval, ticks, columns, spans }) {
+    const { lanes } = this, { memory } = this.wasm, engine = this.#engine(type);
+    const before = engine.parameters + engine.inputs, width = columns.length;
+    const each = spans.reduce((sum, [, size]) => sum + size, 0);
+    const sizes = {
+      plan: this.structures.replay.size, block: engine.block_size, values: before * lanes * 8,
+      ticks_ns: TICKS * 8, inputs: TICKS * width * 8, wanted: TICKS * 8, places: width * 4,
+      spans: spans.length * 8, record: TICKS * each * lanes * 8,
+    };
+    let end = this.wasm.__heap_base.value;
+    const at = Object.fromEntries(Object.entries(sizes).map(([name, bytes]) => {
+      const place = Math.ceil(end / 64) * 64;
+      end = place + bytes;
+      return [name, place];
+    }));
+    const more = Math.ceil((end - memory.buffer.byteLength) / PAGE);
+    if (more > 0) memory.grow(more); // typed arrays from before end here
+    const view = (Kind, name, size) => new Kind(memory.buffer, at[name], size);
+    view(Int32Array, "places", width).set(columns.map(([element]) => element - engine.parameters));
+    view(Int32Array, "spans", 2 * spans.length).set(
+      spans.flatMap(([first, size]) => [first - before, size]));
+    view(BigInt64Array, "wanted", TICKS).set(Array.from({ length: TICKS }, (_, i) => BigInt(i)));
+    const values = view(Float64Array, "values", before * lanes);
+    for (let i = 0; i < before; i++) values.fill(start[i], i * lanes, (i + 1) * lanes);
+    this.#write("replay", at.plan, {
+      ...at, engine: engine.at, start_ns: startNs, interval_ns: interval, n_wanted: TICKS, width,
+      n_spans: spans.length,
+    });
+    const status = Number(this.wasm.sblcosim_replay_start(at.plan, at.block, at.values));
+    if (status) throw new Error(`${type}: parameter ${status - 1} must be a valid interval`);
+    const found = spans.map(([, size]) => new Float64Array(ticks.length * size));
+    const inputs = view(Float64Array, "inputs", TICKS * width);
+    const record = view(Float64Array, "record", TICKS * each * lanes);
+    for (let first = 0; first < ticks.length; first += TICKS) {
+      const count = Math.min(TICKS, ticks.length - first);
+      view(BigInt64Array, "ticks_ns", count).set(ticks.subarray(first, first + count));
+      columns.forEach(([, column], i) => {
+        for (let row = 0; row < count; row++) inputs[row * width + i] = column[first + row];
+      });
+      this.wasm.sblcosim_replay_ticks(at.plan, at.block, 0n, BigInt(count), 0n, at.record);
+      let from = 0;
+      spans.forEach(([, size], k) => {
+        for (let row = 0; row < count; row++)
+          for (let i = 0; i < size; i++)
+            found[k][(first + row) * size + i] = record[(row * each + from + i) * lanes];
+        from += size;
+      });
     }
     return found;
   }

@@ -1,4 +1,4 @@
-"""Modules of WebAssembly with the lanes master and the engines of components."""
+"""Modules of WebAssembly with the lanes master, replays and the engines of components."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from sblcosim.models import RECEIVERS
 
 from ..errors import ConfigurationError, nearest
 from ..scenario.schema import CORE_COMPONENTS
-from ..simulation.masters import c_libraries
+from ..simulation.masters import c_libraries, replay
 from ..simulation.masters.lanes_driver import (
     DRIVER,
     LENGTHS,
@@ -79,14 +79,16 @@ def key(receivers: Sequence[str], beacons: int, lanes: int, **constants: int) ->
 
 
 def _driver() -> dict[str, bytes]:
-    """The C sources of the lanes master."""
+    """The C sources of the lanes master and of replays."""
     entry = {_ENTRY: (c_libraries.FOLDER / _ENTRY).read_bytes()}
-    return {**entry, **c_libraries.sources(DRIVER)}
+    return {**entry, **c_libraries.sources(replay.DRIVER), **c_libraries.sources(DRIVER)}
 
 
 def _description(components: Sequence[str], beacons: int, lanes: int) -> dict[str, object]:
     """What a module says of itself, for a host that knows no C."""
-    structures = {"plan": LanesPlan, "errors": Errors, "engine": Engine}
+    structures = {
+        "plan": LanesPlan, "errors": Errors, "engine": Engine, "replay": replay.Replay,
+    }
     return {
         "beacons": beacons,
         "lanes": lanes,

@@ -37,22 +37,24 @@ def write(played: Playback, file: str | Path) -> Path:
     return saved(file, "replay", lambda: render(played))
 
 
-def saved(file: str | Path, what: str, made: Callable[[], str]) -> Path:
+def saved(file: str | Path, what: str, made: Callable[[], str], ending: str = ".html") -> Path:
     """Write the text of a page, which is made once its name is known to be right.
 
     Parameters
     ----------
     what
         What makes the page, for messages.
+    ending
+        Ending of the file.
 
     Raises
     ------
     ConfigurationError
-        The file does not end in ``.html``, or cannot be written.
+        The file does not have the ending, or cannot be written.
     """
     target = Path(file)
-    if target.suffix.lower() != ".html":
-        raise ConfigurationError(f"{what}: must be a file .html, got {file}")
+    if target.suffix.lower() != ending:
+        raise ConfigurationError(f"{what}: must be a file {ending}, got {file}")
     text = made()
     try:
         files.make_folder(target.parent)

@@ -18,8 +18,31 @@ const explorers = {
   workers: await Explorer.open(read(contents), worker, 2),
 };
 for (const it of Object.values(explorers)) await it.loaded;
+const { tablesOf } = await import(new URL("misfits.js", pathToFileURL(script)));
+const { adopt, commandOf, readDive } = await import(new URL("recorded.js", pathToFileURL(script)));
 
-async function answered({ settings, link, ask = [], steps = [], dives = 0, causes = 0, water, by = "here" }) {
+// A recorded dive with its own settings, then with changed ones: { file, given, receivers }.
+async function replayed(explorer, { file, given, receivers }) {
+  let dive;
+  try {
+    dive = await readDive(readFileSync(file, "utf8"));
+  } catch (error) {
+    return { wrong: error.message };
+  }
+  const refused = adopt(explorer, dive) ?? explorer.apply({ given, receivers });
+  if (refused !== null) return { refused };
+  try {
+    const { run } = explorer.replay(dive);
+    return {
+      run, tables: tablesOf(dive, run), command: commandOf(explorer, dive), said: dive.said,
+      toml: explorer.toml(),
+    };
+  } catch (error) {
+    return { wrong: error.message };
+  }
+}
+
+async function answered({ settings, link, ask = [], steps = [], dives = 0, causes = 0, water, replay, by = "here" }) {
   const explorer = explorers[by];
   explorer.reset();
   const refused = explorer.apply(link ? Explorer.settingsOf(link) : settings ?? {});
@@ -34,6 +57,7 @@ async function answered({ settings, link, ask = [], steps = [], dives = 0, cause
   }
   if (dives) found.dives = await explorer.dives(dives);
   if (causes) found.causes = await explorer.causes(() => {}, causes);
+  if (replay) found.replay = await replayed(explorer, replay);
   if (water) found.water = await explorer.water(water);
   return found;
 }

@@ -33,6 +33,7 @@ LONG_FUNCTIONS = {
     "cli.commands.areas.map_": _COMMAND,
     "cli.commands.budgets.budget": _COMMAND,
     "cli.commands.new.new": _COMMAND,
+    "cli.commands.exploring.explore": _COMMAND,
     "cli.commands.logs.identify": _COMMAND,
     "cli.commands.logs.log_": _COMMAND,
     "cli.commands.processing.process": _COMMAND,

@@ -11,6 +11,7 @@ from ..common import completion
 from ..common.app import (
     ForceOption,
     JsonOption,
+    MappingOption,
     NoFiguresOption,
     VerboseOption,
     app,
@@ -26,16 +27,6 @@ LogArgument = Annotated[
         metavar="LOG",
         readable=False,
         help="Folder of a log, CSV, Parquet, a capture of the Water Linked API, or NMEA.",
-    ),
-]
-MappingOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--mapping",
-        metavar="FILE.toml",
-        help="What the log says about itself, and which column is what, as in [mapping.receptions] "
-        "range_m = 'Dist' (docs/reference/logs.md) [default: meta.toml beside the log, if there is "
-        "one].",
     ),
 ]
 

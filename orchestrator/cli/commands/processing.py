@@ -13,6 +13,7 @@ from ..common.app import (
     FmiOption,
     ForceOption,
     JsonOption,
+    MappingOption,
     NoFiguresOption,
     ReceiverOption,
     ReplayOption,
@@ -29,7 +30,7 @@ from ..common.app import (
     unless_other,
     waiting,
 )
-from .logs import KnownOption, LogArgument, MappingOption, folder_name
+from .logs import KnownOption, LogArgument, folder_name
 
 
 @app.command()

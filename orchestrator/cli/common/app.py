@@ -113,6 +113,16 @@ SvgOption = Annotated[
     Path | None,
     typer.Option("--svg", metavar="FILE", help="Draw the system of an SSP package as SVG."),
 ]
+MappingOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--mapping",
+        metavar="FILE.toml",
+        help="What the log says about itself, and which column is what, as in [mapping.receptions] "
+        "range_m = 'Dist' (docs/reference/logs.md) [default: meta.toml beside the log, if there is "
+        "one].",
+    ),
+]
 StepTimeoutOption = Annotated[
     float | None,
     numeric(

@@ -34,6 +34,7 @@
 //   link(), Explorer.settingsOf(hash)   settings in the part of an address after #
 // Results. A result of a state that no longer holds is never delivered: it is null.
 //   dive(seed)                 one dive as web/js/data.js's readRun gives it; default: seed
+//   replay(dive)               the same of a recorded dive, see `recorded.js`
 //   dives(count, onPart)       async; { n, done, receivers: { label: { runs, p50, p95, rms, lost,
 //                              failed, misleading, misleadingKnown, claim, histogram, each } } }
 //   causes(onPart, count)      async, of the first receiver; { n, done, receiver, within [m], causes:
@@ -55,8 +56,10 @@ import { causesOf, switchesOf } from "./limits.js";
 import { waterOf } from "./places.js";
 import { assembled, countOf, stopOf } from "./plans.js";
 import { isDrawn, runOf } from "./record.js";
+import { replayed } from "./recorded.js";
 import { Settings } from "./start_values.js";
 import { PERCENTAGES, lengthsOf, summaryOf } from "./statistics.js";
+import { unpacked } from "./unpacked.js";
 import { Refusal, fileOf, valueOf } from "./values.js";
 
 const CORE = ["target", "platform", "acoustics"], RAW = "raw", FIX = "multilateration";
@@ -65,13 +68,6 @@ const PATH = "path", WAYPOINTS = "waypoints";
 const MOST_INSTANTS = 100_000; // whose record fits into memory
 const CAUSES = 128, TOTAL = 1; // dives without each cause; the length of an error: see LENGTHS
 const PART = 32; // dives that a worker does before it shows them
-
-// Bytes of a module, from its text.
-async function unpacked(text) {
-  const packed = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
-  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
-  return new Response(stream).arrayBuffer();
-}
 
 export class Explorer {
   #data; #given; #loaded; #receivers; #loadedReceivers; #seed; #state;
@@ -469,6 +465,15 @@ export class Explorer {
     return runOf({
       record: values, instants: plan.instants, interval: times.interval.target, beacons,
       looks: this.#looks, arms: this.#hasArms(values["platform.beacon_position"], beacons),
+    });
+  }
+
+  /** The receivers on a recorded dive, see `recorded.js`; an Error says what does not fit. */
+  replay(dive, outputs = isDrawn) {
+    const state = this.#state, { parts } = this.#data.systems[state.beacons];
+    return replayed(dive, {
+      ...state, parts, outputs, valuesOf: this.#valuesOf(state), looks: this.#looks,
+      engine: this.#engines.get(state.beacons), lag: this.#data.rules.lag,
     });
   }
 

@@ -10,6 +10,7 @@ import { isShown, makeControls } from "./controls.js";
 import { $, download, element, put, swatch } from "./dom.js";
 import { Explorer } from "./explorer.js";
 import { drawHistogram, histogramPicture } from "./histogram.js";
+import { DiveView } from "./log.js";
 import { PathEditor } from "./path.js";
 import { length } from "./phrases.js";
 import { ReceiverChoice } from "./receivers.js";
@@ -33,6 +34,7 @@ class Page {
     this.path = new PathEditor(this);
     this.water = new Water(this);
     this.list = new SettingsList(this);
+    this.log = new DiveView(this);
     this.histogram = surface($("histogram"), (width, height) => {
       this.size = { width, height };
       this.drawHistogram();
@@ -47,6 +49,7 @@ class Page {
   bind() {
     $("reset-all").addEventListener("click", () => {
       this.explorer.reset();
+      this.log.restore();
       for (const field of [...this.fields, ...this.list.fields.values()]) field.tell(null);
       this.changed();
     });
@@ -114,7 +117,7 @@ class Page {
       if (this.water.on) this.water.clear();
       put($("so-far"), "…"); // what is shown beside it is of other settings, for a moment
       document.body.classList.add("computing");
-      this.stage.replace(this.explorer.dive());
+      this.stage.replace(this.log.run() ?? this.explorer.dive());
       this.showLegend();
       clearTimeout(this.timer);
       this.timer = setTimeout(() => this.compute(), PAUSE);
@@ -134,7 +137,7 @@ class Page {
       field.show();
       field.element.hidden = !isShown(this, field);
     }
-    for (const part of [this.receivers, this.comparison, this.beacons, this.path, this.list]) part.show();
+    for (const part of [this.receivers, this.comparison, this.beacons, this.path, this.list, this.log]) part.show();
     $("reset-all").hidden = !explorer.link();
     if ($("seed-problem").hidden) $("seed").value = explorer.seed;
     put($("command"), explorer.command());
@@ -154,6 +157,7 @@ class Page {
     const { explorer } = this, [main] = explorer.receivers;
     explorer.cancel();
     const turn = ++this.turn;
+    if (this.log.isRough) return; // its settings have no path for other dives
     document.body.classList.add("computing");
     showBuy(null);
     const take = (summary) => { if (summary && turn === this.turn) this.take(summary, main); };
@@ -239,6 +243,7 @@ async function start() {
   changes.refresh();
   window.page = new Page(explorer, changes, explorer.dive());
   if (problem) window.page.report(NO_FIT + problem);
+  if (contents.dive) await window.page.log.begin(contents.dive);
   document.body.classList.add("ready");
 }
 

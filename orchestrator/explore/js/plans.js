@@ -99,11 +99,13 @@ export function assembled({
   return new Plan(description, content.buffer);
 }
 
-const sizeOf = (shape) => shape.reduce((a, b) => a * b, 1);
+/** Number of elements of a shape. */
+export const sizeOf = (shape) => shape.reduce((a, b) => a * b, 1);
 const larger = (a, b) => (a > b ? a : b);
 const elementOf = (part, name) => part.outputs.find(([it]) => it === name)[1];
 
-function startOf(part, values) {
+/** Parameters and inputs of a part before the start; values: Map of parameters and elements. */
+export function startOf(part, values) {
   const start = Float64Array.from(part.start);
   for (const [name, elements] of values) start.set(elements, part.parameters[name][0]);
   return start;

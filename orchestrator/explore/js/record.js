@@ -39,8 +39,8 @@ function trackOf(values, rows, width, first) {
   return { x, y, z };
 }
 
-// Estimates of a receiver, one for each change of its count while it is valid.
-function estimatesOf(record, instants, label, truth) {
+/** Estimates of a receiver, one for each change of its count while it is valid; truth: of an epoch. */
+export function estimatesOf(record, instants, label, truth) {
   const count = record[`${label}.update_count`], valid = record[`${label}.valid`];
   const rows = [], until = [];
   const end = (i) => { if (rows.length > until.length) until.push(i); };
@@ -58,7 +58,7 @@ function estimatesOf(record, instants, label, truth) {
   const track = (of) => ({ x: column((_, n) => of(n, 0)), y: column((_, n) => of(n, 1)), z: column((_, n) => of(n, 2)) });
   const position = record[`${label}.position`];
   return {
-    epoch: seconds(epochs), since: seconds(rows.map((i) => instants[i])),
+    rows, epoch: seconds(epochs), since: seconds(rows.map((i) => instants[i])),
     until: seconds(until.map((i) => instants[i])),
     position: track((n, axis) => position[3 * rows[n] + axis]),
     truth: track((n, axis) => true_[n][axis]),
@@ -80,8 +80,8 @@ function even(value) {
   return rest > 0.5 || (rest === 0.5 && below % 2 !== 0) ? below + 1 : below;
 }
 
-// Index of the first element for which a condition holds; their number if there is none.
-function firstAt(sorted, holds) {
+/** Index of the first element for which a condition holds; their number if there is none. */
+export function firstAt(sorted, holds) {
   let low = 0, high = sorted.length;
   while (low < high) {
     const middle = (low + high) >> 1;
@@ -105,10 +105,15 @@ function truthOf(record, instants, interval) {
     return [0, 1, 2].map((axis) => {
       const [p0, p1, v0, v1] = [position[3 * before + axis], position[3 * at + axis],
         velocity[3 * before + axis], velocity[3 * at + axis]];
-      const secant = (p1 - p0) / h, b = 3 * secant - 2 * v0 - v1, a = v0 + v1 - 2 * secant;
-      return p0 + h * u * (v0 + u * (b + u * a));
+      return cubic([p0, p1], [v0, v1], h, u);
     });
   };
+}
+
+/** Between two points with their velocities, h [s] apart, at a share u of the way. */
+export function cubic([p0, p1], [v0, v1], h, u) {
+  const secant = (p1 - p0) / h, b = 3 * secant - 2 * v0 - v1, a = v0 + v1 - 2 * secant;
+  return p0 + h * u * (v0 + u * (b + u * a));
 }
 
 // Rows of the lower triangular L of the claimed covariance L Lᵀ of the position [m], or null.

@@ -29,7 +29,7 @@ _TOGETHER = 2_000
 """Ticks between two looks at Ctrl-C."""
 
 
-class _Replay(ctypes.Structure):
+class Replay(ctypes.Structure):
     """``struct replay`` of c/replay.c."""
 
     _fields_ = (
@@ -105,7 +105,7 @@ def replay(
     spans = np.array([one.span(name) for name in record], np.int32).reshape(-1, 2)
     given = {_INTERVAL: [interval_ns / 1e9]} if _INTERVAL in one.first else {}
     runs, values = one.values({**parameters, **given})
-    plan = _Replay(
+    plan = Replay(
         ctypes.cast(one.engine, ctypes.c_void_p).value, start, interval_ns, ticks.ctypes.data,
         columns.ctypes.data, places.ctypes.data, spans.ctypes.data, chosen.ctypes.data,
         len(chosen), len(places), len(spans),
@@ -216,7 +216,7 @@ class _Component:
             padded.reshape(groups, self.lanes, -1).transpose(0, 2, 1)
         )
 
-    def run(self, plan: _Replay, values: Floats, record: Floats, ticks: int) -> None:
+    def run(self, plan: Replay, values: Floats, record: Floats, ticks: int) -> None:
         """Run a group, and record it."""
         driver = c_libraries.load(DRIVER)
         start = driver[f"sblcosim_replay_start_{self.lanes}"]

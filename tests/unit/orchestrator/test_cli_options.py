@@ -113,6 +113,7 @@ WRONG: dict[str, tuple[str, ...]] = {
     "timeout": ("0",),
     "version": ("3",),
     "svg": ("x.txt",),
+    "log": ("nothing",),
     "mapping": ("nothing",),
     "scenario": ("nobody",),
     "interval": ("0", "x", "1e-300"),

@@ -45,6 +45,7 @@ from sblcosim.fmus.conformance.receiver_contract import check_receiver
 from sblcosim.fmus.files import write_file
 from sblcosim.identification.run import identify
 from sblcosim.logs.contents import log as contents_of_log
+from sblcosim.processing.dive import recorded_dive
 from sblcosim.processing.workflow import process
 from sblcosim.report import paper
 from sblcosim.report import study as reports
@@ -95,7 +96,14 @@ CASES = [
                   "--log": "is of one run, and is refused",
                   "--trajectories": "are of one run, and are refused"}),
     Case(("smooth", "runs/x"), (smooth,)),
-    Case(("explore", SCENARIO), (page.write, page.show)),
+    Case(("explore", SCENARIO), (recorded_dive, page.write, page.show),
+         without={"--mapping": "must come with --log, and is refused"}),
+    Case(("explore", "--log", ".", "--out", "dive.html"),
+         (recorded_dive, page.write, page.write_dive, page.show)),
+    Case(("explore", "--log", ".", "--out", "dive.json"),
+         (recorded_dive, page.write, page.write_dive, page.show),
+         without={"--beacons": "a dive alone has none but its own",
+                  "--no-open": "a dive alone is never opened"}),
     Case(("identify", "dive"), (identify,)),
     Case(("plan", SCENARIO), (connect, resolve, check_size, contents.plan),
          without={"--svg": "is of packages, and is refused"}),
@@ -153,6 +161,8 @@ VALUES = {
     "new --beacons": "1 2 3; 4 5 6; 7 8 0",
     "build --beacons": "5",
     "explore --beacons": "5",
+    "explore --log": "..",
+    "explore --out": "elsewhere.json",
     "--platform": "wasm32",
     "--target": "host",
     "--mounting": "0.3",

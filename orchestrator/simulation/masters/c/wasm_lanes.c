@@ -1,7 +1,8 @@
-/* Whole simulations as WebAssembly, without imports: the lanes master and the engines of our
- * components in one module, for one number of lanes. The README of orchestrator/wasm says how to
+/* Whole simulations and replays as WebAssembly, without imports: the lanes master, the replay of
+ * recorded inputs, and the engines of our components in one module, for one number of lanes. The README of orchestrator/wasm says how to
  * call it. */
 #include "lanes_master.c"
+#include "replay.c"
 
 #include "engines.h" /* ENGINES, generated */
 
@@ -28,4 +29,20 @@ int64_t sblcosim_drive(const struct plan *p, void *const *blocks, double *const 
 {
     return PASTE(sblcosim_drive_, LANES)(p, blocks, held, moments, groups, values, sums, record,
                                          errors, order, cancel, done);
+}
+
+EXPORTED(sblcosim_replay_start)
+int64_t sblcosim_replay_start(const struct replay *r, void *block, const double *values);
+int64_t sblcosim_replay_start(const struct replay *r, void *block, const double *values)
+{
+    return PASTE(sblcosim_replay_start_, LANES)(r, block, values);
+}
+
+EXPORTED(sblcosim_replay_ticks)
+int64_t sblcosim_replay_ticks(const struct replay *r, void *block, int64_t first, int64_t end,
+                              int64_t done, double *record);
+int64_t sblcosim_replay_ticks(const struct replay *r, void *block, int64_t first, int64_t end,
+                              int64_t done, double *record)
+{
+    return PASTE(sblcosim_replay_ticks_, LANES)(r, block, first, end, done, record);
 }
