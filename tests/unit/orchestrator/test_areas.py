@@ -113,6 +113,11 @@ def test_cells_of_an_area(area: Any, cells: Any) -> None:
         ({"radius_m": 0.01, "speed_m_s": 20.0}, "map radius: must be large enough for at most"),
         ({"receiver": "cupled"}, "receiver: must be ekf, "),
         (
+            {"overrides": {"acoustics.water_depth_m": 12.0}, "depth": 12.5},
+            "map depth: must be at most the depth of the water, 12 m (override "
+            "acoustics.water_depth_m), got 12.5 m",
+        ),
+        (
             {"overrides": {"target.trajectory": "white_noise_acceleration"}},
             "map speed: must be given, as the diver of realistic-dive has none that is constant",
         ),
