@@ -12,7 +12,7 @@
 #define PASTE(a, b) PASTE_(a, b)
 
 enum counts { READINGS, PACKETS, BEACONS };
-enum { PLACES = 3, OWN_BEACON = 2 }; /* OWN_BEACON counts from the end of the parameters */
+enum { PLACES = 3, OWN_BEACON = 2, PINGS = 4 }; /* the last two: from the end of the parameters */
 
 /* A scalar measurement: its row, with the elements of the states in at, then its variance.
  * own_beacon: whether it exists only if packets hold their own beacon's position alone (1), only
@@ -138,7 +138,7 @@ static void measure(int n, int used, const int *at, const real *h, real R, real 
 
 /* One kind of measurement, of one beacon or of none; there: number of such measurements. */
 static void take(const struct model *m, int n, const struct row *row, int beacon, double there,
-                 const real *p, const real *s, real *P)
+                 real told, const real *p, const real *s, real *P)
 {
     const double own = r_get(p[m->parameters - OWN_BEACON], 0);
     real h[MOST_USED];
@@ -148,24 +148,30 @@ static void take(const struct model *m, int n, const struct row *row, int beacon
     row->value(p, s, h);
     for (int u = 0; u < row->used; u++)
         at[u] = row->at[u] + (row->at[u] < m->states ? 0 : beacon * m->each);
-    measure(n, row->used, at, h, h[row->used] / r_set1(there), P);
+    measure(n, row->used, at, h, h[row->used] / (r_set1(there) * told), P);
 }
 
 /* All measurements of an epoch. */
-static void measured(const struct bound_task *t, const struct model *m, int n, int epoch,
+static void measured(const struct bound_task *t, const struct model *m, int n, int epoch, int first,
                      const real *p, real *s, real *P)
 {
     const double there[] = {t->readings[epoch], t->packets[epoch]};
+    const real all = r_set1(1.0);
     for (int r = 0; r < m->n_rows; r++)
         if (m->rows[r].counts != BEACONS)
-            take(m, n, &m->rows[r], 0, there[m->rows[r].counts], p, s, P);
+            take(m, n, &m->rows[r], 0, there[m->rows[r].counts], all, p, s, P);
     for (int b = 0; b < t->beacons; b++) {
         const int place = epoch * t->beacons + b;
+        real told = all;
+        for (int lane = 0; lane < LANES; lane++) {
+            const int diver = first + lane < t->divers ? first + lane : t->divers - 1;
+            r_put(&told, lane, t->told[(size_t)diver * t->beacons + b]);
+        }
         for (int i = 0; i < PLACES; i++)
             s[3 * PLACES + i] = r_set1(t->beacon[(size_t)place * PLACES + i]);
         for (int r = 0; r < m->n_rows; r++)
             if (m->rows[r].counts == BEACONS)
-                take(m, n, &m->rows[r], b, t->heard[place], p, s, P);
+                take(m, n, &m->rows[r], b, t->heard[place], told, p, s, P);
     }
 }
 
@@ -214,9 +220,11 @@ static void group(const struct bound_task *t, const struct model *m, int first)
         surroundings(t, first, epoch, s);
         if (epoch == 0)
             prior(m, t->beacons, n, p, s, P);
+        /* What a ping has of its own averages out over the pings of an epoch. */
+        p[m->parameters - PINGS] = r_set1(t->packets[epoch] > 0.0 ? t->packets[epoch] : 1.0);
         if (t->dt[epoch] > 0.0)
             advance(m, t->beacons, n, p, r_set1(t->dt[epoch]), P);
-        measured(t, m, n, epoch, p, s, P);
+        measured(t, m, n, epoch, first, p, s, P);
         if (t->keep[kept] == epoch)
             keep(t, m, n, kept++, first, p, P);
     }

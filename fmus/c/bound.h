@@ -10,7 +10,8 @@
 
 enum bound_model {
     BOUND_PLATFORM = 0, /* beacons on a platform with sensors: that of the receiver coupled */
-    BOUND_FIELD = 1     /* beacons with errors of their own: that of long_baseline */
+    BOUND_FIELD = 1,    /* beacons with errors of their own: that of long_baseline */
+    BOUND_ARRAY = 2     /* beacons that hear the diver's ping: that of array */
 };
 
 /* Arrays are row by row, in m, s and rad, positions in NED. */
@@ -23,6 +24,7 @@ struct bound_task {
     const double *readings;         /* number of depth readings at each epoch */
     const double *packets;          /* number of packets at each epoch, from any beacon */
     const double *heard;            /* number of packets at each epoch, of each beacon */
+    const double *told;             /* divers, beacons: information in a range, above 0; 1: all */
     const double *position;         /* epochs, divers, 3 */
     const double *platform;         /* epochs, 3; of the reference point */
     const double *attitude;         /* epochs, 3; roll, pitch, yaw */

@@ -24,7 +24,7 @@ from ..simulation.masters.lanes_driver import LENGTHS
 from ..study.kept import Kept
 from ..words.numbers import figure, rounded
 from .distance_result import DistanceCurve
-from .motion import RADIUS, Circle, circle_of, circling
+from .motion import RADIUS, Circle, check_depth, circle_of, circling
 from .over_places import asked
 from .possible import PossibleInCells, left_out, possible
 from .rings import Depths, Distance, Rings, rings_of
@@ -100,6 +100,7 @@ def map_distance(
     check(given, limit_m, runs, workers)
     circle = circle_of(given, radius_m, speed_m_s, duration_s)
     rings = rings_of(distance, depth, cells, still_beacons(given).mean(0)[:2].tolist())
+    check_depth(given, max(rings.depths))
     moving = circling(given, circle, rings.depths[0], duration_s)
     simulator = Simulator(moving, receiver, rings, error, settling_s)
     check_work(simulator, rings.count * runs)

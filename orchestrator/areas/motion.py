@@ -125,6 +125,22 @@ def circle_of(
     return Circle(float(radius), float(v))
 
 
+def check_depth(scenario: Scenario, depth: float) -> None:
+    """Refuse a depth below the bottom.
+
+    Raises
+    ------
+    ConfigurationError
+        It is.
+    """
+    bottom = scenario.acoustics.water_depth_m if scenario.acoustics.fmu is None else 0.0
+    if bottom and depth > bottom:
+        raise ConfigurationError(
+            f"map depth: must be at most the depth of the water, {bottom:g} m "
+            f"({scenario.where('acoustics', 'water_depth_m')}), got {depth:g} m"
+        )
+
+
 def circling(scenario: Scenario, circle: Circle, depth: float, duration_s: float) -> Scenario:
     """The scenario with that motion about the origin, for a time [s].
 

@@ -26,7 +26,7 @@ from ..simulation.how import How
 from ..simulation.masters.lanes_driver import LENGTHS
 from ..study.kept import Kept
 from .grid import Area, Cells, Grid, grid_of
-from .motion import RADIUS, Circle, circle_of, circling
+from .motion import RADIUS, Circle, check_depth, circle_of, circling
 from .over_places import asked
 from .possible import PossibleInCells, left_out, possible
 from .result import AreaMap
@@ -127,6 +127,7 @@ def map_area(
     check(given, limit_m, runs, workers)
     circle = circle_of(given, radius_m, speed_m_s, duration_s)
     grid = grid_of(area, depth, cells, still_beacons(given).mean(0)[:2].tolist())
+    check_depth(given, grid.depth)
     moving = circling(given, circle, grid.depth, duration_s)
     simulator = Simulator(moving, receiver, grid, error, settling_s)
     check_work(simulator, grid.count * runs)

@@ -2,7 +2,8 @@
 
 Nothing is random here. A packet lost with probability p counts with 1 − p of its information, and
 the platform rests at its mean position and heading. Waves count as receivers assume them. Losses in
-bursts and in the shadow of a diver are the exception: several sequences of them are averaged over.
+bursts, in the shadow of a diver and of arrivals of a ping are the exception: several sequences of
+them are averaged over.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from math import ceil, cos, sin
 import numpy as np
 from numpy.typing import NDArray
 from sblcosim.fmus import stopping
-from sblcosim.models.acoustics.ranging import legs
+from sblcosim.models.acoustics.ranging import INVERTED, legs
 from sblcosim.models.acoustics.schedules import schedule_of
 
 from ..scenario.scenario import Scenario
@@ -31,9 +32,12 @@ Path = Callable[[float], Floats]
 """Positions at a time since the start [s], NED [m]; (n, 3)."""
 
 MOST_STEPS = 300
-"""Maximum number of slots in the recursion; above it, several are combined."""
+"""Number of slots up to which each is a step of the recursion; of more, several are combined."""
+_GROWTH, _LONGEST_S = 0.1, 10.0
+"""Duration of slots that are combined: in parts of the time to the next epoch that is kept, and at
+most [s]."""
 SEQUENCES = 8
-"""Number of sequences of losses in bursts that are averaged over."""
+"""Number of sequences of losses that are averaged over."""
 MOST_EPOCHS = 8
 """Number of epochs whose covariances are kept."""
 _TOGETHER = 128
@@ -101,35 +105,33 @@ def covariances(
         Number of threads; the result does not depend on it. None: all cores.
     """
     model = model_of(scenario, 0.0, own_beacon(scenario))
-    sequences = [
-        epochs_of(scenario, model, span_s[1], sequence) for sequence in _sequences(scenario)
-    ]
-    epochs = sequences[0]
-    # What a ping has of its own averages out over the pings of an epoch.
-    pings = {"pings": max(float(epochs.heard.mean()), 1e-3)}
-    model = replace(model, situation={**model.situation, **pings})
-    end_s = np.cumsum(epochs.readings) * scenario.acoustics.sampling_time_s
-    late = np.flatnonzero(end_s >= span_s[0])
-    late = late if len(late) else np.array([len(end_s) - 1])
+    slot_s = scenario.acoustics.sampling_time_s
+    every = [epochs_of(scenario, model, span_s[1], sequence) for sequence in _sequences(scenario)]
+    total = len(every[0].step_s)
+    late = np.flatnonzero(np.arange(1, total + 1) * slot_s >= span_s[0])
+    late = late if len(late) else np.array([total - 1])
     picked = np.round(np.linspace(0, len(late) - 1, min(len(late), MOST_EPOCHS))).astype(int)
-    kept = late[picked]
+    groups = groups_of(total, late[picked], slot_s)
+    sequences = [combined(epochs, groups) for epochs in every]
+    kept, times = np.searchsorted(groups, late[picked]), _middles(groups) * slot_s
 
-    positions = np.stack([path(time) for time in end_s.tolist()])
+    positions = np.stack([path(time) for time in times.tolist()])
     shaded = bool(scenario.acoustics.shadow_loss_probability)
-    velocities = _velocities(path, end_s) if shaded else positions
+    velocities = _velocities(path, times) if shaded else positions
     together = 1 if shaded else _TOGETHER  # the shadow of each diver is another one
 
     def part(first: int) -> tuple[Floats, Floats, Floats]:
         some = slice(first, first + together)
         position = positions[:, some]
-        told = 1.0 if shaded else _told(scenario, position[len(position) // 2])
+        told = 1.0 if shaded else _told(scenario, position[kept].mean(0))
         heard = (
             _shaded(scenario, position[:, 0], velocities[:, first], sequences) if shaded
             else sequences
         )
         found = [
-            recursion.covariances(model, replace(it, heard=it.heard * told), position,
-                                  acceleration_psd[some], kept)
+            recursion.covariances(
+                model, replace(it, told=told), position, acceleration_psd[some], kept
+            )
             for it in heard
         ]
         absolute, relative = (np.concatenate(it) for it in zip(*found, strict=True))
@@ -144,12 +146,11 @@ def covariances(
 
 
 def _told(scenario: Scenario, position: Floats) -> Floats | float:
-    """Information in ranges of each beacon despite echoes, mean over places; (N,)."""
+    """Information in ranges of each beacon despite echoes, at n places; (n, N)."""
     if not any(echo_chances(scenario.acoustics)):
         return 1.0
-    of_places = shares(scenario.acoustics, position[:, None], still_beacons(scenario))
-    mean: Floats = of_places.mean(0)
-    return mean
+    found: Floats = shares(scenario.acoustics, position[:, None], still_beacons(scenario))
+    return found
 
 
 def _velocities(path: Path, end_s: Floats) -> Floats:
@@ -176,7 +177,9 @@ def _shaded(
     one_by_one = schedule_of(a).together(len(beacons)) == 1
     for number, epochs in enumerate(sequences):
         pings = np.fmax(np.ceil(epochs.heard), 1).astype(int)
-        drawn = np.random.default_rng([number, 2]).binomial(pings, arrives) / pings
+        some = slice(0, 1) if _shared(scenario) else slice(None)  # all share the first one's
+        rng = np.random.default_rng([number, 2])
+        drawn = rng.binomial(pings[:, some], arrives[:, some]) / pings[:, some]
         left = epochs.heard * drawn
         before = epochs.heard.sum(1) if one_by_one else epochs.heard.max(1)
         share = (left.sum(1) if one_by_one else left.max(1)) / np.where(before > 0, before, 1.0)
@@ -186,21 +189,29 @@ def _shaded(
 def _sequences(scenario: Scenario) -> list[int | None]:
     """Numbers of the sequences of losses; None: each packet counts with its mean information."""
     a = scenario.acoustics
-    bursts = a.loss_burst_length and 0 < a.loss_probability < 1
+    # A ping that only some beacons hear tells less of the direction than its share of arrivals.
+    drawn = 0 < a.loss_probability < 1 and (a.loss_burst_length or a.ranging in INVERTED)
     mean = [None] * (SEQUENCES if a.shadow_loss_probability else 1)
-    return [*range(SEQUENCES)] if bursts else [*mean]
+    return [*range(SEQUENCES)] if drawn else [*mean]
+
+
+def _shared(scenario: Scenario) -> bool:
+    """Whether all beacons lose a ping together."""
+    return bool(scenario.acoustics.arrivals_shared and scenario.acoustics.ranging in INVERTED)
 
 
 def losses_in_bursts(
     scenario: Scenario, pings: Integers, sequence: int, leg: int = 0
 ) -> Floats:
-    """1 where a packet of a beacon is lost directly, in bursts; (pings of each, N).
+    """1 where a packet of a beacon is lost directly; (pings of each, N).
 
-    Each leg of two-way ranges has sequences of its own.
+    Each leg of two-way ranges has sequences of its own. Independent losses are bursts, too, with a
+    mean length of 1/(1 − p).
     """
     a = scenario.acoustics
     rng = np.random.default_rng([sequence, leg] if leg else sequence)
-    p, length = a.loss_probability, a.loss_burst_length
+    p = a.loss_probability
+    length = a.loss_burst_length or 1 / (1 - p)
     most = int(pings.max())
     columns = []
     for _ in pings:
@@ -218,13 +229,12 @@ def losses_in_bursts(
 def epochs_of(
     scenario: Scenario, model: ReceiverModel, duration_s: float, sequence: int | None = None
 ) -> Epochs:
-    """The slots of a run; if there are many, several are combined at their end.
+    """The slots of a run.
 
     Parameters
     ----------
     sequence
-        Number of a sequence of losses in bursts; None: each packet counts with the mean of its
-        information.
+        Number of a sequence of losses; None: each packet counts with the mean of its information.
     """
     a, count = scenario.acoustics, scenario.beacons
     total = max(ceil(duration_s / a.sampling_time_s - 1e-9) - 1, 1)  # the end is not sampled
@@ -236,26 +246,70 @@ def epochs_of(
     pinging = order[(first[:, None] + np.arange(at_once)) % count]
     sent = np.eye(count)[pinging].sum(1)
     heard = (1 - missing) * sent
-    packets = np.full(total, 1 - missing**at_once)
+    packets = np.full(total, 1 - (missing if _shared(scenario) else missing**at_once))
     if sequence is not None:
         numbers = np.cumsum(sent, axis=0).astype(int) - 1
         by_echo = 1 - lost_of_leg(a) / a.loss_probability  # of the packets that are lost directly
         heard = sent
         for leg in range(legs(a.ranging)):
             losses = losses_in_bursts(scenario, numbers[-1] + 1, sequence, leg)
+            if _shared(scenario):
+                losses[:] = losses[:, :1]
             is_lost = np.take_along_axis(losses, np.fmax(numbers, 0), 0) > 0
             heard = heard * np.where(is_lost, by_echo, 1.0)
         packets = heard.max(axis=1)
-    together = -(-total // MOST_STEPS)
-    firsts = np.arange(0, total, together)
-    slots = np.diff(firsts, append=total)
     own = model.own_errors
     return Epochs(
-        step_s=slots * a.sampling_time_s,
-        readings=slots.astype(np.float64),
-        heard=np.add.reduceat(heard, firsts),
-        packets=np.add.reduceat(packets, firsts),
+        step_s=np.full(total, a.sampling_time_s),
+        readings=np.ones(total),
+        heard=heard,
+        packets=packets,
         platform=_place(scenario),
         attitude=np.array([0.0, 0.0, np.deg2rad(scenario.platform.mean_heading_deg)]),
         beacons=still_beacons(scenario) if own else beacons_of(model.parameters),
+    )
+
+
+def groups_of(total: int, kept: Integers, slot_s: float) -> Integers:
+    """The first slot of each group of slots that count together, and the end of the last group.
+
+    A slot that is kept is alone. The longer the time to it, the more slots are combined: what they
+    tell of it has had that time to fade, so that their own times hardly matter.
+    """
+    if total <= MOST_STEPS:
+        return np.arange(total + 1)
+    most, begin, firsts = max(int(_LONGEST_S / slot_s), 1), 0, []
+    for alone in kept.tolist():
+        some = [alone]
+        while some[-1] > begin:
+            size = min(max(int(_GROWTH * (alone - some[-1] + 1)), 1), most)
+            some.append(max(some[-1] - size, begin))
+        firsts += some[::-1]
+        begin = alone + 1
+    return np.array([*firsts, begin])
+
+
+def _middles(groups: Integers) -> Floats:
+    """Mean times of groups of slots, in slots from the start."""
+    middle: Floats = (groups[:-1] + groups[1:] + 1) / 2
+    return middle
+
+
+def combined(epochs: Epochs, groups: Integers) -> Epochs:
+    """Groups of slots, each in the middle of its time.
+
+    Parameters
+    ----------
+    groups
+        Of `groups_of`.
+    """
+    step = np.diff(_middles(groups), prepend=0.0) * epochs.step_s[0]
+
+    def sums(values: Floats) -> Floats:
+        found: Floats = np.add.reduceat(values[: groups[-1]], groups[:-1])
+        return found
+
+    return replace(
+        epochs, step_s=step, readings=sums(epochs.readings), heard=sums(epochs.heard),
+        packets=sums(epochs.packets),
     )

@@ -25,10 +25,13 @@ from ..errors import SblcosimError
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
+_LEAST_TOLD = 1e-12
+"""Smallest share of the information in a range; it only keeps numbers finite."""
+
 
 @dataclass(frozen=True, eq=False)
 class Epochs:
-    """True values and measurements at n epochs, common to all divers.
+    """True values and measurements at n epochs, common to all divers but for the last.
 
     Attributes
     ----------
@@ -45,6 +48,9 @@ class Epochs:
     beacons
         Nominal positions in the body frame, or true positions, NED, for beacons with own errors
         [m]; (n, N, 3).
+    told
+        Share of the information in a range of each beacon that is left; for each of m divers:
+        (m, N).
     """
 
     step_s: Floats
@@ -54,6 +60,7 @@ class Epochs:
     platform: Floats
     attitude: Floats
     beacons: Floats
+    told: Floats | float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +89,7 @@ class ReceiverModel:
     def values(self) -> Floats:
         """All numbers, in the order of the C code."""
         given = [getattr(self.parameters, name) for name in BOUNDS[self.name].parameters]
-        return np.array([*given, *(self.situation[name] for name in SITUATION)], float)
+        return np.array([*given, 1.0, *(self.situation[name] for name in SITUATION)], float)
 
 
 class _Task(ctypes.Structure):
@@ -91,8 +98,8 @@ class _Task(ctypes.Structure):
     _fields_ = (
         *((n, ctypes.c_int32) for n in ("model", "beacons", "epochs", "divers", "kept")),
         *((n, ctypes.c_void_p) for n in (
-            "parameters", "acceleration_psd", "dt", "readings", "packets", "heard", "position",
-            "platform", "attitude", "beacon", "keep", "absolute", "relative",
+            "parameters", "acceleration_psd", "dt", "readings", "packets", "heard", "told",
+            "position", "platform", "attitude", "beacon", "keep", "absolute", "relative",
         )),
     )  # fmt: skip
 
@@ -148,6 +155,7 @@ def covariances(
         "acceleration_psd": (acceleration_psd, (m,)), "dt": (epochs.step_s, (n,)),
         "readings": (epochs.readings, (n,)), "packets": (epochs.packets, (n,)),
         "heard": (epochs.heard, (n, count)), "position": (position, (n, m, 3)),
+        "told": (np.fmax(epochs.told, _LEAST_TOLD), (m, count)),
         "platform": (epochs.platform, (n, 3)), "attitude": (epochs.attitude, (n, 3)),
         "beacon": (epochs.beacons, (n, count, 3)), "parameters": (numbers, numbers.shape),
     }  # fmt: skip

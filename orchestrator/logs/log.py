@@ -194,8 +194,10 @@ class Log(Shown):
                 if f.name != "line" and not (f.name == "kind" and one_way)]
         each += [self.depth_ns, self.depth]
         each += [own for fixes in self.fixes.values() for own in fixes.columns().values()]
-        for array in each:
-            digest.update(repr(np.shape(array)).encode() + np.asarray(array, float).tobytes())
+        for array in map(np.asarray, each):
+            whole = array.dtype.kind in "biu"  # times in ns have more digits than a float
+            kind = np.int64 if whole else np.float64
+            digest.update(f"{array.shape} {whole}".encode() + array.astype(kind).tobytes())
         return digest.hexdigest()
 
     def samples(self, pose_source: int | None = None) -> Samples:

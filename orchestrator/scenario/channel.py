@@ -14,6 +14,8 @@ from . import water
 from .timing import slot_of
 
 _LOSSLESS = 1e-9
+_SAME_SPEED = 1e-6
+"""Largest difference between equal speeds of sound [m/s]."""
 BENT = 0.01
 """Error of straight rays [m] from which on it is worth a word."""
 
@@ -125,11 +127,35 @@ def _of_bottom(target: Any, platform: Any, depth: float) -> Iterator[str]:
         )
 
 
+def _without_effect(acoustics: Any) -> Iterator[tuple[str, str]]:
+    """Keys of the water and of the slot that nothing follows from, and why."""
+    profile = acoustics.profile_count > 0
+    if acoustics.temperature_C is None:
+        if acoustics.sample_depth_m is not None:
+            yield "sample_depth_m", " without temperature_C"
+        if acoustics.salinity is not None and not acoustics.profile_temperature_C:
+            yield "salinity", " without a temperature"
+    elif not profile:
+        speed = water.derived(acoustics)["sound_speed_m_s"]
+        given = acoustics.sound_speed_m_s
+        if abs(given - speed) > _SAME_SPEED:
+            yield "temperature_C", (
+                f", as sound_speed_m_s is {given:g} m/s; in this water it is {speed:.6g} m/s"
+            )
+    if acoustics.packet_duration_s is None:
+        if acoustics.guard_interval_s is not None:
+            yield "guard_interval_s", " without packet_duration_s"
+        if acoustics.reach_m is not None and acoustics.profile_count < 2:
+            yield "reach_m", " without packet_duration_s"
+
+
 def doubts(scenario: Any) -> Iterator[str]:
     """Possible mistakes; one line each, which names the key."""
     acoustics = scenario.acoustics
     if acoustics.fmu is not None:
         return
+    for key, why in _without_effect(acoustics):
+        yield f"{scenario.where('acoustics', key)}: has no effect{why}"
     slot = slot_of(acoustics)
     if slot is not None and acoustics.sampling_time_s < slot.needed_s * (1 - 1e-9):
         table = "acoustics" if "sampling_time_s" in acoustics.model_fields_set else "time"

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from math import pi, sqrt
 
 from sblcosim.models import RECEIVERS
 from sblcosim.models.acoustics.contents import CONTENTS
 from sblcosim.models.acoustics.ranging import INVERTED
+from sblcosim.models.platform.spectrum import GRAVITY
 from sblcosim.models.receiver.receiver import ReceiverDeclaration
 from sblcosim.models.receiver.receivers import FOUND
 from sblcosim.models.settings.beacons import beacons_of
@@ -25,6 +27,8 @@ PURPOSES: Mapping[str, str] = {name: it.purpose for name, it in FOUND.items() if
 
 SOUND = (1350.0, 1650.0)
 """Range of sound speeds in any diving water, with a margin [m/s]."""
+STEEPEST = 7.0
+"""Length of a wave in deep water, in heights, below which it breaks (J. H. Michell, 1893)."""
 
 
 def doubts(scenario: Scenario, chosen: Mapping[str, Source]) -> Iterator[str]:
@@ -41,6 +45,7 @@ def doubts(scenario: Scenario, chosen: Mapping[str, Source]) -> Iterator[str]:
     yield from _of_sound(scenario)
     yield from _of_arrangement(scenario)
     yield from channel.doubts(scenario)
+    yield from _of_waves(scenario)
 
 
 def _of_names(scenario: Scenario, chosen: Mapping[str, Source]) -> Iterator[str]:
@@ -89,6 +94,20 @@ def _of_sound(scenario: Scenario) -> Iterator[str]:
                 f"{scenario.where('acoustics', key)}: should be from {low:g} to {high:g} m/s, as "
                 f"in water, got {speed:g} m/s"
             )
+
+
+def _of_waves(scenario: Scenario) -> Iterator[str]:
+    """Waves so steep that they break."""
+    platform = scenario.platform
+    if platform.fmu is not None or platform.motion != "spectrum":
+        return
+    height, period = platform.wave_height_m, platform.wave_period_s
+    shortest = sqrt(2 * pi * STEEPEST * height / GRAVITY)
+    if isinstance(period, float) and period < shortest:
+        yield (
+            f"{scenario.where('platform', 'wave_period_s')}: should be at least {shortest:.3g} s, "
+            f"as shorter waves of {height:g} m break, got {period:g} s"
+        )
 
 
 def _of_arrangement(scenario: Scenario) -> Iterator[str]:

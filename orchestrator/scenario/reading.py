@@ -87,6 +87,7 @@ def parse(where: str, text: str) -> dict[str, Any]:
 
 _TOO_DEEP = f"must have tables, arrays and keys of at most {DEEPEST} levels"
 _TOO_LONG = "must have integers of 64 bits"
+_NO_VALUE = "must be a value of TOML (numbers begin with a digit, texts are in quotes)"
 
 
 def check_values(where: str, content: Any, above: int = 0) -> None:
@@ -120,6 +121,8 @@ def _problem(where: str, text: str, error: tomllib.TOMLDecodeError) -> str:
     message = str(error)
     at = re.search(r" \(at line (\d+), column (\d+)\)$", message)
     if at is None:
+        if message.startswith("Invalid value"):
+            return f"{where}: {_NO_VALUE}, got the end of the file"
         return f"{where}: must be TOML: {shortened(message)}"
     if message.startswith("Cannot overwrite a value"):
         # The location is the end of the value, which may span several lines.
@@ -128,7 +131,12 @@ def _problem(where: str, text: str, error: tomllib.TOMLDecodeError) -> str:
         key = next((found[1] for found in keys if found), None)
         if key is not None:
             return f"{where}, line {at[1]}: {shortened(key)} must be given once, got it twice"
-    return f"{where}, line {at[1]}, column {at[2]}: {shortened(message[: at.start()])}"
+    place = f"{where}, line {at[1]}, column {at[2]}"
+    if message.startswith("Invalid value"):
+        line = text.split("\n")[int(at[1]) - 1][int(at[2]) - 1 :]
+        got = re.match(r"[^\s,\]}#]*", line)
+        return f"{place}: {_NO_VALUE}, got {quoted(got[0]) if got and got[0] else 'none'}"
+    return f"{place}: {shortened(message[: at.start()])}"
 
 
 def relative(file: Path, folder: Path) -> str:

@@ -256,6 +256,8 @@ class Scenario(Table):
                     continue  # a key in the file would have to be a parameter of that FMU
                 if filled and ((name, key) in idle or effects.is_choice((name, key))):
                     continue  # when loaded, it would cause a warning, or count as a choice
+                if filled and name == "acoustics" and key in water.of_profile(table):
+                    continue  # when loaded, it would be refused beside the profile
                 if key in FILES and folder is not None:
                     value = relative(Path(value), folder)
                 lines.append(f"{key} = {toml(rows(variable, value))}")

@@ -179,7 +179,12 @@ def _fitted(
     own = {key: value for key, value in given_of(table).items() if key not in FILE_KEYS}
     if name == "platform":
         turns = "mean_heading_deg" not in own
-        kept, headings = _afloat(recorded.times, placed.points[:, :2], tolerance, turns)
+        if recorded.headings is not None and not turns:
+            raise ConfigurationError(
+                f"[platform] mean_heading_deg: must be left out, as {recorded.name} has headings "
+                f"(heading_deg), got {own['mean_heading_deg']:g}"
+            )
+        kept, headings = _afloat(recorded, placed.points[:, :2], tolerance, turns)
         if turns:
             own["track_heading_deg"] = headings.tolist()
     else:
@@ -194,16 +199,20 @@ def _fitted(
 
 
 def _afloat(
-    times: Floats, points: Floats, tolerance: float, turns: bool
+    recorded: Recorded, points: Floats, tolerance: float, turns: bool
 ) -> tuple[KeptPoints, Floats]:
     """The points that are kept of a boat's track, and its headings there [deg]."""
     from ..tracks.course import WITHIN, headed
 
+    times = recorded.times
     if not turns:
         kept = fitted(times, points, tolerance, "platform")
         return kept, np.zeros(len(kept.times))
     # The heading counts as a third coordinate, on an arm that gives it a tolerance of its own.
-    at, heading = headed(times, points, tolerance)
+    if recorded.headings is None:
+        at, heading = headed(times, points, tolerance)
+    else:
+        at, heading = times, np.unwrap(np.radians(recorded.headings))
     place = [np.interp(at, times, points[:, axis]) for axis in (0, 1)]
     arm = tolerance / WITHIN
     found = fitted(at, np.stack([*place, arm * heading], axis=1), tolerance, "platform")

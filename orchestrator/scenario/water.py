@@ -69,6 +69,11 @@ def derived(acoustics: Any) -> Mapping[str, Any]:
     return {"sound_speed_m_s": sound_speed(acoustics.temperature_C, salinity, depth)}
 
 
+def of_profile(acoustics: Any) -> tuple[str, ...]:
+    """Keys that a profile sets, and that must not be given beside it."""
+    return ("sound_speed_m_s", "profile_speed_m_s") if acoustics.profile_count else ()
+
+
 def profile_speeds(acoustics: Any) -> tuple[float, ...] | None:
     """Speeds at the depths of the profile [m/s]; None if they are not known for each of them."""
     if acoustics.profile_speed_m_s:

@@ -20,10 +20,11 @@ from .track import FARTHEST, LEAST, Recorded, Where
 LOCAL = ("north_m", "east_m", "down_m")
 GEOGRAPHIC = ("latitude_deg", "longitude_deg", "depth_m")
 SECONDS, CLOCK = "time_s", "time"
+HEADING = "heading_deg"
 _NAMES = (SECONDS, CLOCK, *LOCAL, *GEOGRAPHIC)
 _BOUNDS = {
     **dict.fromkeys(LOCAL, FARTHEST),
-    "latitude_deg": 90.0, "longitude_deg": 180.0, "depth_m": FARTHEST,
+    "latitude_deg": 90.0, "longitude_deg": 180.0, "depth_m": FARTHEST, HEADING: 360.0,
 }
 _BRIEF = {
     "t": SECONDS, "n": "north_m", "x": "north_m", "e": "east_m", "y": "east_m", "d": "down_m",
@@ -46,7 +47,8 @@ def read(name: str, text: str, *, depths: bool = True) -> Recorded:
     name
         Name of the file, for messages.
     depths
-        Whether there must be a column of depths; without one, the points are at the surface.
+        Whether there must be a column of depths, as for a diver. Without one, the points are at the
+        surface. A boat may have a column of headings.
 
     Raises
     ------
@@ -78,11 +80,16 @@ def read(name: str, text: str, *, depths: bool = True) -> Recorded:
         )
     clock = SECONDS if SECONDS in columns else CLOCK
     times = _times(clock, [cells[0] for _, cells in known], where)
+    numbers = np.array([
+        [_number(cell, _BOUNDS[column], i, j, where)
+         for j, (column, cell) in enumerate(zip(columns, cells, strict=True)) if j]
+        for i, (_, cells) in enumerate(known)
+    ])
+    headings = numbers[:, -1] if HEADING in columns else None
+    coordinates = [i for i, column in enumerate([*columns][1:]) if column != HEADING]
     points = np.zeros((len(known), 3))
-    for i, (_, cells) in enumerate(known):
-        for j, (column, cell) in enumerate(zip([*columns][1:], cells[1:], strict=True)):
-            points[i, j] = _number(cell, _BOUNDS[column], i, j + 1, where)
-    return Recorded(name, times, points, GEOGRAPHIC[0] in columns, where)
+    points[:, coordinates] = numbers[:, coordinates]
+    return Recorded(name, times, points, GEOGRAPHIC[0] in columns, where, headings=headings)
 
 
 def _rows(name: str, text: str) -> Iterator[_Row]:
@@ -105,7 +112,10 @@ def _rows(name: str, text: str) -> Iterator[_Row]:
 
 
 def _columns(name: str, line: int, cells: Sequence[str], depths: bool) -> dict[str, int]:
-    """Columns of the time and of the three coordinates; the last may be missing without depths."""
+    """Columns of the time and of the three coordinates.
+
+    Without depths, the last may be missing, and one of headings follows if there is one.
+    """
 
     def refuse(column: int, must: str, got: str) -> NoReturn:
         raise ConfigurationError(f"{name}, line {line}, column {column + 1}: must be {must}, {got}")
@@ -114,7 +124,7 @@ def _columns(name: str, line: int, cells: Sequence[str], depths: bool) -> dict[s
     for i, cell in enumerate(cells):
         if cell in found:
             refuse(i, "a name of its own", f"got {quoted(cell)} a second time")
-        if cell in _NAMES:
+        if cell in _NAMES or (cell == HEADING and not depths):
             found[cell] = i
     kinds = [kind for kind in (LOCAL, GEOGRAPHIC) if any(key in found for key in kind)]
     if len(kinds) > 1:
@@ -150,7 +160,10 @@ def _columns(name: str, line: int, cells: Sequence[str], depths: bool) -> dict[s
         if not kinds and key != SECONDS:
             choice = f"{', '.join(LOCAL)}, or {', '.join(GEOGRAPHIC)}"
         refuse(len(cells), choice, f"got no such column in {shortened(', '.join(cells))}")
-    return {key: found[key] for key in wanted}
+    other = next((it for it in others if it[1].lower().startswith("heading")), None)
+    if other is not None and not depths and HEADING not in found:
+        refuse(other[0], f"{HEADING} for headings, from true north", f"got {quoted(other[1])}")
+    return {key: found[key] for key in (*wanted, HEADING) if key in found}
 
 
 def _kind(cells: Sequence[str]) -> Sequence[str]:

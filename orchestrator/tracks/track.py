@@ -36,6 +36,8 @@ class Recorded:
         Function that gives the place of a number in the file.
     left_out
         Names of other tracks in the file, which are not part of this one.
+    headings
+        Headings of a boat at the points, from true north [°]; None: not recorded.
     """
 
     name: str
@@ -44,6 +46,7 @@ class Recorded:
     geographic: bool
     where: Where
     left_out: tuple[str, ...] = ()
+    headings: Floats | None = None
 
     def origin(self) -> Origin | None:
         """The origin of a geographic track: its first point, at the surface."""

@@ -278,6 +278,12 @@ def test_conditions_of_keys_are_in_the_words_of_a_scenario_file() -> None:
     assert max(listed) <= 4  # of nine trajectories
 
 
+def test_the_study_on_the_page_is_the_included_one() -> None:
+    page = DOCS / "howto" / "ranging.md"
+    shown = next(block.text for block in blocks(page) if block.rest == "ways.toml")
+    assert shown == (ROOT / "orchestrator/study/shipped/ways-to-range.toml").read_text("utf-8")
+
+
 def test_what_is_cited_is_what_this_is() -> None:
     cited = yaml.safe_load((ROOT / "CITATION.cff").read_text("utf-8"))
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]

@@ -220,5 +220,6 @@ def test_bad_input_gets_one_line(tmp_path: Path, whole: Path) -> None:
 def test_the_shipped_studies_are_listed(tmp_path: Path) -> None:
     code, out, err = finish(command(tmp_path, "studies"))
     assert (code, err) == (0, "")
-    assert len(out.splitlines()) == 3
+    assert len(out.splitlines()) == 4
+    assert "ways-to-range     Ways to range: error against distance" in out
     assert "The paper's study of Scenario 3: random path" in out

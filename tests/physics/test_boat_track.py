@@ -130,6 +130,61 @@ def test_a_file_says_where_it_is_and_it_points_where_it_goes(tmp_path: Path) -> 
         assert np.interp(corner, at, found[:, 2]) == pytest.approx(90 * corner / 40 - 45, abs=6.0)
 
 
+def _headed(folder: Path, headings: list[Any], head: str = "heading_deg") -> str:
+    """A boat that drifts to the east at 0.2 m/s, with headings every 20 s."""
+    rows = [f"{20 * i},0,{4 * i},{it}" for i, it in enumerate(headings)]
+    file = folder / "headed.csv"
+    file.write_text("\n".join([f"time_s,north_m,east_m,{head}", *rows]), "utf-8")
+    return str(file)
+
+
+def test_a_column_of_headings_is_followed_along_the_shorter_way(tmp_path: Path) -> None:
+    """Through north and back, and on through south; the course to the east does not matter."""
+    headings = [350.0, 10.0, 350.0, 350.0, 260.0, 170.0, 80.0, -10.0]
+    p = load({"platform": {"track_file": _headed(tmp_path, headings)}}).platform
+    assert (p.mean_heading_deg, p.track_file) == (0.0, None)
+    at = np.arange(0.0, 141.0)
+    points = np.column_stack([np.reshape(p.track_m, (-1, 2)), p.track_heading_deg])
+    found, _ = motion(np.array(p.track_time_s), points, at)
+    straight = np.interp(at, 20.0 * np.arange(8), [350, 370, 350, 350, 260, 170, 80, -10])
+    assert found[:, 2] == pytest.approx(straight, abs=6.0)  # 0.1 rad where points are left out
+    assert found[:, 1] == pytest.approx(0.2 * at, abs=0.1)
+    result = sblcosim.run("realistic-dive", "multilateration", {
+        "platform.track_file": _headed(tmp_path, headings), "platform.yaw_amplitude_deg": 0.0,
+        "platform.beaufort": 0, "time.duration_s": 50.0,
+    })
+    yaw = np.degrees(result.record.values["platform.attitude"][:, 2])
+    turned = (yaw - np.interp(result.record.time_ns / 1e9, at, straight) + 180) % 360 - 180
+    assert np.abs(turned).max() < 6.0
+
+
+@pytest.mark.parametrize(("headings", "head", "more", "words"), [
+    ([0, "north"], "heading_deg", {}, "line 3, column 4 (heading_deg): must be a number from -360 "
+     "to 360, got 'north'"),
+    ([0, 400], "heading_deg", {}, "must be a number from -360 to 360, got '400'"),
+    ([0, ""], "heading_deg", {}, "must be a number from -360 to 360"),
+    ([0, 1], "heading", {}, "line 1, column 4: must be heading_deg for headings, from true north, "
+     "got 'heading'"),
+    ([0, 1], "heading_deg", {"mean_heading_deg": 20.0}, "[platform] mean_heading_deg: must be left "
+     "out, as"),
+])  # fmt: skip
+def test_headings_that_cannot_be_followed_are_told(
+    tmp_path: Path, headings: list[Any], head: str, more: dict[str, Any], words: str
+) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        load({"platform": {"track_file": _headed(tmp_path, headings, head), **more}})
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_diver_has_no_headings(tmp_path: Path) -> None:
+    file = tmp_path / "dive.csv"
+    file.write_text("time_s,north_m,east_m,down_m,heading_deg\n0,0,5,3,x\n60,20,5,4,y\n", "utf-8")
+    target = load({"target": {"trajectory": "file", "track_file": str(file)}}).target
+    assert target.track_m[:3] == (0.0, 5.0, 3.0)
+    assert target.track_m[-3:] == (20.0, 5.0, 4.0)
+
+
 def test_a_given_heading_stays(tmp_path: Path) -> None:
     file = _file(tmp_path)
     p = load({"platform": {"track_file": str(file), "mean_heading_deg": 20.0}}).platform

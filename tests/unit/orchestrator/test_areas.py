@@ -113,6 +113,11 @@ def test_cells_of_an_area(area: Any, cells: Any) -> None:
         ({"radius_m": 0.01, "speed_m_s": 20.0}, "map radius: must be large enough for at most"),
         ({"receiver": "cupled"}, "receiver: must be ekf, "),
         (
+            {"overrides": {"acoustics.water_depth_m": 12.0}, "depth": 12.5},
+            "map depth: must be at most the depth of the water, 12 m (override "
+            "acoustics.water_depth_m), got 12.5 m",
+        ),
+        (
             {"overrides": {"target.trajectory": "white_noise_acceleration"}},
             "map speed: must be given, as the diver of realistic-dive has none that is constant",
         ),
@@ -431,17 +436,82 @@ def test_the_recursion_side_by_side_is_that_of_a_run(name: str, changes: dict[st
         )
 
 
-def test_many_short_slots_count_together(seam: Seam) -> None:
-    given = sblcosim.load("realistic-dive", {"time.sampling_time_s": 0.05})
+SEVERAL = np.array([[5.0, 0.0, 4.0], [12.0, 9.0, 4.0], [30.0, 20.0, 6.0], [60.0, -80.0, 8.0]])
+
+
+def horizontal(found: places.Covariances) -> np.ndarray:
+    """RMS of the absolute and of the relative error of each place [m]."""
+    both = np.stack([found.absolute, found.relative])[..., :2, :2]
+    return np.sqrt(np.trace(both, axis1=3, axis2=4).mean(1))
+
+
+def in_circles(given: Any, at: np.ndarray, duration_s: float) -> places.Covariances:
     circle = motion.Circle(3.0, 0.3)
-    moving = motion.circling(given, circle, 5.0, 30.0)
-    path, q = partial(circle.position, GRID.centres), np.full(GRID.count, 0.002)
-    coarse = places.covariances(moving, path, q, (10.0, 30.0))
-    seam.tuned(most_steps=10_000)
-    fine = places.covariances(moving, path, q, (10.0, 30.0))
-    for mine, theirs in ((coarse.absolute, fine.absolute), (coarse.relative, fine.relative)):
-        one, other = (np.trace(P, axis1=2, axis2=3).mean(0) for P in (mine, theirs))
-        np.testing.assert_allclose(one, other, rtol=0.03)
+    q = circle_psd(0.3, 3.0, places.noise_densities(given, at), duration_s)
+    return places.covariances(given, partial(circle.position, at), q, (20.0, duration_s), 1)
+
+
+@pytest.mark.parametrize(("name", "changes", "duration_s"), [
+    ("realistic-dive", {"time.sampling_time_s": 0.05}, 30.0),
+    ("paper-scenario-1", {}, 60.0), ("paper-scenario-1", {}, 600.0), ("harbour-lbl", {}, 1200.0),
+    ("realistic-dive", {"acoustics.schedule": "simultaneous"}, 1200.0),
+    ("realistic-dive", {"acoustics.ranging": "two_way", "time.sampling_time_s": 0.5}, 600.0),
+    ("realistic-dive", {"acoustics.ranging": "inverted", "acoustics.range_common_std_m": 0.3,
+                        "platform.imu_tilt_std_deg": 2.0}, 1200.0),
+    ("realistic-dive", {"acoustics.ranging": "inverted", "acoustics.common_clock": False}, 1200.0),
+    ("usbl-boat", {}, 1200.0), ("usbl-boat", {"acoustics.loss_burst_length": 4.0}, 1200.0),
+])  # fmt: skip
+def test_many_slots_that_count_together_tell_as_much_as_each_alone(
+    seam: Seam, name: str, changes: dict[str, Any], duration_s: float
+) -> None:
+    given = sblcosim.load(name, changes)
+    coarse = in_circles(given, SEVERAL, duration_s)
+    seam.tuned(most_steps=10**6)
+    fine = in_circles(given, SEVERAL, duration_s)
+    np.testing.assert_allclose(horizontal(coarse), horizontal(fine), rtol=0.025)
+
+
+def test_what_is_possible_at_a_place_does_not_depend_on_the_others() -> None:
+    """With echoes, whose excess is another one at each place."""
+    given = sblcosim.load("harbour-wakes")
+    together = in_circles(given, SEVERAL, 60.0)
+    for i in range(len(SEVERAL)):
+        alone = in_circles(given, SEVERAL[i : i + 1], 60.0)
+        np.testing.assert_array_equal(alone.relative[:, 0], together.relative[:, i])
+
+
+STILL = {
+    "platform.beaufort": 0, "platform.watch_circle_m": 0.0, "acoustics.outlier_probability": 0.0,
+    "acoustics.loss_probability": 0.5, "platform.surge_amplitude_m": 0.0,
+    "platform.sway_amplitude_m": 0.0,
+}
+
+
+@pytest.mark.filterwarnings("ignore::sblcosim.errors.NoEffectWarning")
+@pytest.mark.parametrize(("name", "changes", "seeds", "within"), [
+    ("usbl-boat", {}, 8, 0.03),
+    ("usbl-boat", {"acoustics.loss_burst_length": 5.0}, 30, 0.12),  # a standard error is 5 %
+    ("usbl-boat", {"acoustics.arrivals_shared": False}, 8, 0.03),
+    ("realistic-dive", {"acoustics.ranging": "inverted", "acoustics.common_clock": False,
+                        "receiver.type": "array", "time.sampling_time_s": 0.5}, 8, 0.06),
+])  # fmt: skip
+def test_pings_that_are_lost_to_some_or_all_hydrophones_cost_what_they_cost_in_runs(
+    name: str, changes: dict[str, Any], seeds: int, within: float
+) -> None:
+    """Half of all arrivals are lost: of an array that shares them, all of a ping."""
+    given = sblcosim.load(name, STILL | changes)
+    moving = motion.circling(given, motion.Circle(3.0, 0.3), 5.0, 60.0)
+    place, q, squares = [12.0, -4.0], 0.004, []
+    for seed in range(1, seeds + 1):
+        changed = {"target.center_m": place, "seed": seed}
+        record = sblcosim.run(moving, "multilateration", changed, master="lanes").record
+        of_run = reference(record, moving, acceleration_psd=q)
+        late = of_run.epoch_ns >= 20 * 10**9
+        squares.append(np.trace(of_run.relative[late], axis1=1, axis2=2))
+    path = partial(motion.Circle(3.0, 0.3).position, np.array([[*place, 5.0]]))
+    found = places.covariances(moving, path, np.full(1, q), (20.0, 60.0), 1)
+    mapped = np.sqrt(np.trace(found.relative, axis1=2, axis2=3).mean())
+    assert mapped == pytest.approx(np.sqrt(np.mean(squares)), rel=within)
 
 
 def test_the_density_of_a_circle_is_that_of_its_path() -> None:

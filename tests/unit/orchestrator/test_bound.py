@@ -52,7 +52,7 @@ def a_case(seed: int) -> tuple[ReceiverModel, Epochs, Any, Any]:
         still = not key.endswith("_time") and draw.random() < 0.2  # some errors are not there
         setattr(p, key, 0.0 if still else (value or 0.1) * float(np.exp(draw.normal())))
     situation = {
-        "pings": 1.0, "speed": float(draw.normal(0, 0.01)), "known_start": bool(draw.integers(2)),
+        "speed": float(draw.normal(0, 0.01)), "known_start": bool(draw.integers(2)),
         "own_beacon": bool(draw.integers(2)) and name == "platform",
     }  # fmt: skip
     there = draw.choice([0.0, 0.25, 1.0, 2.5], (n, count + 2))
@@ -280,17 +280,24 @@ def test_slots_by_hand(count: int) -> None:
 
 
 def test_slots_that_count_together_lose_nothing(seam: Seam) -> None:
-    given = load("paper-scenario-1", {"time.duration_s": 10.0, "time.sampling_time_s": 0.5})
-    model = parameters.model_of(given, 0.0)
-    one_by_one = places.epochs_of(given, model, 10.0)
-    seam.tuned(most_steps=7)
-    few = places.epochs_of(given, model, 10.0)
-    assert few.readings.tolist() == [3.0] * 6 + [1.0]
-    for name in ("step_s", "readings", "packets", "heard"):
-        np.testing.assert_allclose(
-            getattr(few, name).sum(axis=0), getattr(one_by_one, name).sum(axis=0), rtol=1e-12
-        )
-    np.testing.assert_allclose(few.heard[0], one_by_one.heard[:3].sum(axis=0))
+    given = load("paper-scenario-1", {"time.duration_s": 100.0, "time.sampling_time_s": 0.5})
+    one_by_one = places.epochs_of(given, parameters.model_of(given, 0.0), 100.0)
+    kept = np.array([60, 61, 198])
+    every = places.groups_of(199, kept, 0.5)
+    np.testing.assert_array_equal(every, np.arange(200))
+    np.testing.assert_array_equal(places.combined(one_by_one, every).step_s, one_by_one.step_s)
+    seam.tuned(most_steps=50)
+    groups = places.groups_of(199, kept, 0.5)
+    few = places.combined(one_by_one, groups)
+    sizes = np.diff(groups)
+    assert few.readings.tolist() == sizes.tolist()
+    assert sizes.sum() == 199
+    assert len(sizes) < 110
+    assert sizes[np.searchsorted(groups, kept)].tolist() == [1, 1, 1]
+    np.testing.assert_allclose(few.heard.sum(0), one_by_one.heard.sum(0))
+    assert few.packets.sum() == pytest.approx(one_by_one.packets.sum())
+    begins, ends = groups[:-1] * 0.5 + 0.5, groups[1:] * 0.5
+    np.testing.assert_allclose(np.cumsum(few.step_s), (begins + ends) / 2)
 
 
 @pytest.mark.parametrize("count", [3, 5, 8])

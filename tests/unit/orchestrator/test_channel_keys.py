@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tomllib
 import warnings
 from importlib import resources
 from typing import Any
@@ -66,6 +67,61 @@ def refused(**keys: Any) -> str:
 ])  # fmt: skip
 def test_a_mistake_is_told_in_one_line(keys: dict[str, Any], expected: str) -> None:
     assert refused(**keys) == expected
+
+
+def doubted(keys: dict[str, Any]) -> list[str]:
+    return list(doubts(load({"name": "here", **keys}), {}))
+
+
+@pytest.mark.parametrize(("keys", "expected"), [
+    ({"salinity": 38.0}, "salinity: has no effect without a temperature"),
+    ({"sample_depth_m": 5.0}, "sample_depth_m: has no effect without temperature_C"),
+    ({"temperature_C": 10.0, "sound_speed_m_s": 1500.0}, "temperature_C: has no effect, as "
+     "sound_speed_m_s is 1500 m/s; in this water it is 1489.82 m/s"),
+    ({"reach_m": 500.0}, "reach_m: has no effect without packet_duration_s"),
+    ({"guard_interval_s": 0.1}, "guard_interval_s: has no effect without packet_duration_s"),
+])  # fmt: skip
+def test_keys_of_the_water_and_the_slot_from_which_nothing_follows_are_told(
+    keys: dict[str, Any], expected: str
+) -> None:
+    assert doubted({"acoustics": keys}) == [f"here: [acoustics] {expected}"]
+
+
+@pytest.mark.parametrize("keys", [
+    {"temperature_C": 10.0, "salinity": 38.0, "sample_depth_m": 3.0},
+    {"profile_depth_m": [0.0, 9.0], "profile_temperature_C": [20.0, 9.0], "salinity": 30.0,
+     "reach_m": 10.0},
+    {"packet_duration_s": 0.01, "reach_m": 10.0, "guard_interval_s": 0.01},
+    {"sound_speed_m_s": 1500.0},
+])  # fmt: skip
+def test_those_from_which_something_follows_are_not(keys: dict[str, Any]) -> None:
+    assert doubted({"acoustics": keys, "time": {"sampling_time_s": 0.5}}) == []
+    again = load({"acoustics": keys}).dump_toml()  # has the speed beside the temperature
+    assert not [it for it in doubts(load(tomllib.loads(again)), {}) if "no effect" in it]
+
+
+@pytest.mark.parametrize("keys", [
+    {"profile_depth_m": [0.0, 9.0], "profile_speed_m_s": [1520.0, 1500.0]},
+    {"profile_depth_m": [0.0, 9.0], "profile_temperature_C": [20.0, 9.0]},
+    {"profile_depth_m": [0.0, 9.0], "profile_temperature_C": [20.0, 9.0],
+     "profile_salinity": [30.0, 38.0]},
+    {"temperature_C": 10.0, "salinity": 38.0},
+])  # fmt: skip
+def test_a_run_with_a_profile_can_be_repeated_from_its_folder(keys: dict[str, Any]) -> None:
+    scenario = load({"name": "here", "acoustics": keys})
+    again = load(tomllib.loads(scenario.dump_toml()))
+    assert again.model_dump() == scenario.model_dump()
+    assert again.assumptions() == scenario.assumptions()
+
+
+def test_waves_that_break_are_doubted() -> None:
+    sea = {"motion": "spectrum", "wave_height_m": 2.0}
+    assert doubted({"platform": sea | {"wave_period_s": 2.0}}) == [
+        "here: [platform] wave_period_s: should be at least 2.99 s, as shorter waves of 2 m break, "
+        "got 2 s"
+    ]
+    assert doubted({"platform": sea | {"wave_period_s": 3.0}}) == []
+    assert doubted({"platform": sea}) == []
 
 
 def test_a_beacon_below_the_bottom_is_refused() -> None:

@@ -119,6 +119,28 @@ def test_every_number_and_the_shape_of_every_table_is_in_the_hash(tmp_path: Path
     assert shifted.sha256() not in known
 
 
+def test_logs_whose_times_differ_by_a_nanosecond_are_told_apart(tmp_path: Path) -> None:
+    """Of times since 1970, floats have steps of 256 ns."""
+    log = sample("own", tmp_path / "own")
+    assert log.truth is not None
+    since = 1_780_000_000 * 10**9
+    times = {
+        (part, field.name): getattr(table, field.name)
+        for part, table in (("receptions", log.receptions), ("truth", log.truth))
+        for field in fields(table)
+        if field.name.endswith("_ns") and getattr(table, field.name) is not None
+    }
+    assert len(times) >= 3
+    for (part, name), values in times.items():
+        hashes = {
+            replace(log, **{part: replace(getattr(log, part), **{name: values + later})}).sha256()
+            for later in (since, since + 1)
+        }
+        assert len(hashes) == 2, (part, name)
+    dated = replace(log, depth_ns=log.depth_ns + since)
+    assert replace(dated, depth_ns=dated.depth_ns + 1).sha256() != dated.sha256()
+
+
 def test_only_what_there_is_gets_a_file(tmp_path: Path) -> None:
     log = made(seconds=20, plane=True)
     converted(log, tmp_path / "out")

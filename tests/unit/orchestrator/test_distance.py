@@ -91,6 +91,9 @@ def test_distances_and_depths_are_given_in_any_form(distance: Any, bounds: Any) 
     ({"depth": -1.0}, "map depth: must be a depth below the surface"),
     ({"depth": []}, "map depth: must be from 1 to 20 depths, got 0"),
     ({"depth": "deep"}, "map depth: must be a depth below the surface"),
+    ({"overrides": {"acoustics.water_depth_m": 12.0}, "depth": [5.0, 20.0]},
+     "map depth: must be at most the depth of the water, 12 m (override acoustics.water_depth_m), "
+     "got 20 m"),
     ({"cells": 1}, "map cells: must be a whole number of distances from 2 to 1,000, got 1"),
     ({"cells": "3x4"}, "map cells: must be a whole number of distances"),
     ({"runs": 0}, "map runs: must be a whole number of at least 1"),

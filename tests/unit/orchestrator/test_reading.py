@@ -28,7 +28,8 @@ TEXTS = {
     "hexadecimal": (f"seed = 0x{'f' * 5000}", "must have integers of 64 bits, got an integer"),
     "65 bits": (f"seed = {2**63}", f"seed: must have integers of 64 bits, got {2**63}"),
     "inside": (f"[a]\nb = [1, {-(2**63) - 1}]", "a.b.2: must have integers of 64 bits"),
-    "no value": (f"{LONG} =", "Invalid value"),
+    "no value": (f"{LONG} =", "must be a value of TOML"),
+    "long value": (f"a = x{LONG}", "must be a value of TOML"),
     "twice": (f"{LONG} = 1\n{LONG} = 2", "Cannot overwrite"),
 }
 

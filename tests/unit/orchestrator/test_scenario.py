@@ -716,7 +716,12 @@ def test_a_file_is_named_in_its_problems(tmp_path: Path) -> None:
         f"{file}: [platform] has no key 'arm_lenght_m'; did you mean 'arm_length_m'?"
     ]
     file.write_text("[platform]\narm_length_m = \n")
-    assert problems(file) == [f"{file}, line 2, column 16: Invalid value"]
+    must = "must be a value of TOML (numbers begin with a digit, texts are in quotes)"
+    assert problems(file) == [f"{file}, line 2, column 16: {must}, got none"]
+    for written in (".3", "deep # metres", "-.5"):
+        file.write_text(f"[platform]\narm_length_m = {written}\n")
+        got = written.split(" ")[0]
+        assert problems(file) == [f"{file}, line 2, column 16: {must}, got '{got}'"]
     file.write_bytes(b"a\xff\xfe\x00")
     assert problems(file) == [f"{file}: must be a text file in UTF-8, got the byte 0xff at 1"]
 
