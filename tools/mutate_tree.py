@@ -41,8 +41,8 @@ ROUNDS = (4.0, 20.0)
 PATIENCE = 400.0
 """Seconds that a run of pytest may take longer than its tests once took: it may compile."""
 BUILT = "models/"
-OF_BUILT = "tests/unit/orchestrator/test_as_recorded.py"
-"""Tests of what is built from these sources. They find it built, so they execute no line of it."""
+OF_BUILT = "tests/unit/models/test_equations.py"
+"""Tests of all equations. Others may find these built, and execute no line of them."""
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,221 @@
+"""What rooms say about logs of many kinds, conditions and designs is what was recorded.
+
+What it should be, other tests say. ``SBLCOSIM_RECORD_ANSWERS=1`` records it anew, where a change is
+wanted.
+"""
+
+from __future__ import annotations
+
+import json
+import warnings
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import fields, is_dataclass
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import as_recorded
+import log_samples
+import made_logs
+import numpy as np
+import pytest
+import sblcosim
+from sblcosim.errors import ConfigurationError
+from sblcosim.identification.run import identify
+from sblcosim.limits import echoes, fisher, geometry, path, steady, unknown
+from sblcosim.models.settings.presets import PRESET_TABLES, PRESET_VALUES
+from sblcosim.scenario import conditions, water
+from sblcosim.scenario.likes import LIKES
+from sblcosim.scenario.scenario import Scenario, load, shipped
+from sblcosim.scenario.starter import starter
+
+CORNERS = made_logs.CORNERS
+OFFSETS = np.array([0.6, -0.4, 0.3, 0.0])
+
+
+def quietly(action: Callable[[], Any]) -> Any:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return action()
+
+
+def late() -> Any:
+    """A log with late ranges and some that are far too short."""
+    log = made_logs.made(seconds=240, std=0.2, seed=5, turning=0.05)
+    rng = np.random.default_rng(5)
+    log = made_logs.changed(log, np.flatnonzero(rng.random(240) < 0.15), 4.0)
+    return made_logs.changed(log, [37, 111], -15.0)
+
+
+def dive(scenario: str, **keys: Any) -> Callable[[Path], Any]:
+    def made(folder: Path) -> Any:
+        _, log = made_logs.written(folder, scenario, None, overrides={
+            "time.duration_s": 60.0, **keys})  # fmt: skip
+        return sblcosim.read_log(log)
+
+    return made
+
+
+LOGS: Mapping[str, Callable[[Path], Any]] = {
+    "plane": lambda _: made_logs.made(seconds=90, plane=True, seed=2),
+    "offsets": lambda _: made_logs.made(seconds=200, scale=1.02, offsets=OFFSETS, seed=3),
+    "without truth": lambda _: made_logs.made(
+        seconds=120, truth=False, origin=(300.0, -200.0, 2.0), start_s=50.0, seed=4, speed=1.2),
+    "late": lambda _: late(),
+    "sea": dive("realistic-sea"),
+    "buoys": dive("gps-buoys"),
+    "two-way": dive("harbour-square", **{"acoustics.ranging": "two_way",
+                                         "acoustics.loss_probability": 0.2,
+                                         "acoustics.outlier_probability": 0.1}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", LOGS)
+def test_what_is_said_of_a_log_is_as_recorded(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    log = quietly(lambda: LOGS[name](Path("run")))
+    found = {
+        kind: as_recorded.told(quietly(lambda action=action: action(log)), tmp_path)
+        for kind, action in (("process", sblcosim.process), ("identify", identify))
+    }
+    as_recorded.check(f"log {name}", found)
+
+
+@pytest.mark.parametrize("name", log_samples.SAMPLES)
+def test_what_is_read_from_a_log_is_as_recorded(name: str, tmp_path: Path) -> None:
+    make, file = log_samples.SAMPLES[name]
+    for part, text in make().items():
+        (tmp_path / part).write_bytes(text.encode())
+    log = quietly(lambda: sblcosim.read_log(tmp_path / file if file else tmp_path))
+    found = json.loads(json.dumps(every(log)).replace(str(tmp_path), "HERE"))
+    as_recorded.check(f"read {name}", {"log": found})
+
+
+def every(it: Any) -> Any:
+    """Fields of a dataclass, and of what they hold, arrays as digests."""
+    if is_dataclass(it) and not isinstance(it, type):
+        return {f.name: every(getattr(it, f.name)) for f in fields(it)}
+    if isinstance(it, Mapping):
+        return {str(key): every(value) for key, value in it.items()}
+    if isinstance(it, tuple | list):
+        return [every(value) for value in it]
+    return as_recorded.fields_of(it)
+
+
+def drawn(seed: int, low: float, high: float, *shape: int) -> Any:
+    return np.random.default_rng(seed).uniform(low, high, shape)
+
+
+def limits() -> dict[str, Any]:
+    """Closed forms over wide inputs."""
+    beacons = drawn(1, -8.0, 8.0, 5, 3)
+    places = drawn(2, -40.0, 40.0, 60, 3)
+    found: dict[str, Any] = {
+        f"dilution {clock}": geometry.hdop(places, beacons, unknown_clock=clock)
+        for clock in (False, True)
+    }
+    found["dilution in one line"] = geometry.hdop(places, beacons * [1.0, 0.0, 0.0])
+    found["cross"] = geometry.cross(2.5, 1.5)
+    for name in sorted(shipped()):
+        scenario = quietly(lambda name=name: load(name))
+        known = quietly(lambda scenario=scenario: steady_of(scenario))
+        if known is not None:
+            found[name] = steady.closed_form(places, known)
+        found[f"{name} unknown"] = [
+            [*unknown.left_out(scenario)],
+            unknown.squares(scenario, places, drawn(3, 0.0, 900.0, 60)),
+        ]
+        rest = scenario.acoustics
+        found[f"{name} echoes"] = [echoes.echo_chances(rest), echoes.lost(rest)]
+    for share, std, mean in product((0.01, 0.1, 0.4), (0.02, 0.3), (0.2, 1.0, 6.0)):
+        for kind in ("exponential", "half_normal"):
+            found[f"factor {share} {std} {mean} {kind}"] = fisher.fisher_factor(
+                std, share, mean, kind
+            )
+    time = np.arange(40.0)
+    found["path"] = [
+        path.path_psd(time, np.stack([np.cos(time / r), np.sin(time / r), 0 * time], 1), density)
+        for r, density in product((2.0, 9.0), (0.01, 0.4))
+    ]
+    found["circle"] = path.circle_psd(0.7, 12.0, drawn(4, 0.001, 0.5, 9), 90.0)
+    return found
+
+
+def steady_of(scenario: Scenario) -> Any:
+    from sblcosim.limits.parameters import conditions as of
+
+    try:
+        return of(scenario)
+    except (ConfigurationError, ValueError):
+        return None
+
+
+def changes() -> Iterable[tuple[str, dict[str, Any]]]:
+    """Each value of a preset, and numbers of components that conditions name."""
+    for name, values in PRESET_VALUES.items():
+        for value in values:
+            yield f"{name}={value}", {f"{PRESET_TABLES[name]}.{name}": value}
+    for key, value in {
+        "platform.roll_amplitude_deg": 4.0,
+        "platform.yaw_amplitude_deg": 12.0,
+        "platform.heave_amplitude_m": 0.3,
+        "platform.wave_height_m": 0.7,
+        "platform.gps_horizontal_std_m": 0.4,
+        "platform.gps_horizontal_bias_std_m": 0.9,
+        "platform.imu_heading_std_deg": 1.5,
+        "platform.imu_heading_bias_deg": -2.5,
+        "platform.misalignment_heading_std_deg": 1.0,
+        "platform.mounting_std_m": 0.06,
+        "platform.boat_speed_m_s": 1.1,
+        "platform.watch_circle_m": 3.0,
+        "acoustics.loss_probability": 0.15,
+        "acoustics.loss_burst_length": 5.0,
+        "acoustics.outlier_probability": 0.05,
+        "acoustics.outlier_mean_m": 2.0,
+        "acoustics.clock_offset_std_s": 2e-4,
+        "acoustics.clock_drift_std_s_s": 3e-6,
+        "acoustics.clock_offset_s": 1e-3,
+        "acoustics.clock_sync_age_s": 7200.0,
+        "acoustics.range_std_m": 0.25,
+        "acoustics.range_common_std_m": 0.4,
+        "acoustics.shadow_loss_probability": 0.5,
+        "acoustics.schedule": "simultaneous",
+        "acoustics.ranging": "two_way",
+        "acoustics.packet_content": "own_beacon",
+    }.items():
+        yield f"{key}={value}", {key: value}
+
+
+def scenarios() -> dict[str, Any]:
+    """Conditions in words after many changes, scenarios to begin with, and water."""
+    found: dict[str, Any] = {}
+    for name in ("harbour-square", "realistic-sea", "gps-buoys"):
+        for said, keys in changes():
+            try:
+                scenario = quietly(lambda name=name, keys=keys: load(name, keys))
+                found[f"{name} {said}"] = conditions.conditions(scenario)
+            except ConfigurationError as error:
+                found[f"{name} {said}"] = str(error)
+    for word in LIKES:
+        found[f"like {word}"] = quietly(
+            lambda word=word: starter("begun", LIKES[word].source, short=True)
+        ).splitlines()
+    found["all keys"] = quietly(lambda: starter("begun")).splitlines()
+    found["sound"] = [
+        water.sound_speed(*row) for row in product((1.0, 14.0, 29.0), (0.0, 35.0), (0.0, 80.0))
+    ]
+    depth, speed = [0.0, 4.0, 4.0, 30.0, 200.0], [1530.0, 1500.0, 1490.0, 1495.0, 1480.0]
+    found["mean speed"] = water.mean_speed(depth, speed)
+    found["bending"] = [water.bending(depth, speed, d) for d in (5.0, 100.0, 3000.0)]
+    return found
+
+
+ROOMS = (limits, scenarios)
+
+
+@pytest.mark.parametrize("room", ROOMS, ids=lambda room: str(room.__name__))
+def test_a_room_says_what_was_recorded(room: Callable[[], dict[str, Any]]) -> None:
+    found = {key: as_recorded.fields_of(value) for key, value in room().items()}
+    as_recorded.check(f"room {room.__name__}", found)
