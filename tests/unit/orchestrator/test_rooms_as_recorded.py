@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import warnings
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from itertools import product
 from pathlib import Path
@@ -20,6 +20,8 @@ import made_logs
 import numpy as np
 import pytest
 import sblcosim
+from sblcosim import require
+from sblcosim.calibrate import calibrate
 from sblcosim.errors import ConfigurationError
 from sblcosim.identification.run import identify
 from sblcosim.limits import echoes, fisher, geometry, path, steady, unknown
@@ -28,6 +30,9 @@ from sblcosim.scenario import conditions, water
 from sblcosim.scenario.likes import LIKES
 from sblcosim.scenario.scenario import Scenario, load, shipped
 from sblcosim.scenario.starter import starter
+from sblcosim.study import design, space
+from sblcosim.study.distributions import distribution_of
+from sblcosim.tracks import course, resample
 
 CORNERS = made_logs.CORNERS
 OFFSETS = np.array([0.6, -0.4, 0.3, 0.0])
@@ -212,7 +217,119 @@ def scenarios() -> dict[str, Any]:
     return found
 
 
-ROOMS = (limits, scenarios)
+def designs() -> dict[str, Any]:
+    """Points and orders of designs, and samples of each distribution."""
+    found: dict[str, Any] = {}
+    factors = [design.Factor(name, (-2.0 + n, 3.0 * n + 1)) for n, name in enumerate("ABCDEFG")]
+    for k in (1, 2, 4):
+        found[f"full {k}"] = told(design.full(factors[:k], k - 1))
+    for k, resolution in ((3, 3), (5, 3), (5, 5), (6, 4), (7, 3), (7, 4)):
+        found[f"fraction {k} {resolution}"] = told(
+            design.fractional(factors[:k], resolution=resolution, centre_points=2)
+        )
+    found["generators"] = told(design.fractional(factors[:5], ["D=AB", "E=-ABC"]))
+    levels = [design.Factor(name, (0.5, 1.5, 2.5, 9.0)[: n + 2]) for n, name in enumerate("abc")]
+    found["sweep"] = told(design.sweep(levels, [0.5, 1.5, 9.0]))
+    for n, given in enumerate(DISTRIBUTIONS):
+        drawn_factor = space.DrawnFactor("x", distribution_of(**given))
+        found[f"drawn {n}"] = drawn_factor.values(np.linspace(0.001, 0.999, 41))
+    numeric = [space.DrawnFactor(f"x{n}", distribution_of(**given))
+               for n, given in enumerate(DISTRIBUTIONS[:3])]  # fmt: skip
+    for version, rows, seed in ((1, 16, 3), (2, 16, 3), (2, 64, 8)):
+        made = space.sample(numeric, rows, seed, version)
+        found[f"sample {version} {rows} {seed}"] = made.table()
+    stepped = space.DrawnFactor("x", distribution_of(**DISTRIBUTIONS[0]), step=0.3)
+    found["steps"] = stepped.values(np.linspace(0.001, 0.999, 41))
+    return found
+
+
+DISTRIBUTIONS: Sequence[dict[str, Any]] = (
+    {"distribution": "uniform", "range": (0.3, 2.4)},
+    {"distribution": "log-uniform", "range": (0.1, 30.0)},
+    {"distribution": "normal", "mean": 3.0, "std": 0.8, "range": (1.0, 6.0)},
+    {"distribution": "log-normal", "median": 2.0, "factor": 1.7},
+    {"distribution": "triangular", "range": (1.0, 4.0), "mode": 1.6},
+    {"distribution": "choice", "levels": (1.0, 2.0, 5.0), "weights": (1.0, 2.0, 0.5)},
+)
+
+
+def told(made: design.Design) -> Any:
+    return [made.table(), [made.run_order(r, 4) for r in (1, 2, 3)]]
+
+
+def tracks() -> dict[str, Any]:
+    """Points that stand for recorded tracks, with stops, and the motion through them."""
+    found: dict[str, Any] = {}
+    for seed, tolerance in product((1, 2), (0.05, 0.4, 2.0)):
+        rng = np.random.default_rng(seed)
+        times = np.cumsum(rng.uniform(0.3, 4.0, 120))
+        points = np.cumsum(rng.normal(0.1, 0.5, (120, 3)), axis=0)
+        points[30:45] = points[30]
+        kept = resample.fitted(times, points, tolerance, most=400)
+        found[f"{seed} {tolerance}"] = kept
+        at = np.linspace(times[0] - 1, times[-1] + 1, 57)
+        found[f"{seed} {tolerance} motion"] = resample.motion(kept.times, kept.points, at)
+        found[f"{seed} {tolerance} headed"] = course.headed(times, points[:, :2], tolerance)
+    return found
+
+
+SHORT = {"time.duration_s": 8.0}
+
+
+def question(**about: Any) -> Callable[[Path], Any]:
+    asked = {
+        "name": "asked", "settling_time_s": 0.0, "scenario": "paper-scenario-1",
+        "fixed": {"time": {"duration_s": 8.0}}, "response": "absolute_total_rms_m",
+        "limit": 0.6, "share": 0.6, "confidence": 0.9,
+        "choices": {
+            "gps": {"keys": ["platform.gps_horizontal_std_m"], "levels": [0.1, 0.4, 3.0],
+                    "costs": [100.0, 40.0, 10.0]},
+            "arm": {"keys": ["platform.arm_length_m"], "levels": [0.5, 3.0], "costs": [0.0, 5.0]},
+        },
+        "conditions": {
+            "loss": {"keys": ["acoustics.loss_probability"], "levels": [0.0, 0.4],
+                     "combine": "all"},
+        },
+    }  # fmt: skip
+    return lambda folder: require.decide({**asked, **about}, folder / "asked", most_runs=300)
+
+
+ANSWERS: Mapping[str, Callable[[Path], Any]] = {
+    "compare several": lambda _: sblcosim.compare(
+        ["paper-scenario-1", "harbour-square"], ["ekf", "sequential", "coupled"], runs=7,
+        overrides=SHORT, timed=False, practical=0.2, settling_s=1.0),
+    "compare few": lambda _: sblcosim.compare(
+        "harbour-square", ["coupled", "ekf"], runs=2, overrides=SHORT, timed=False),
+    "budget of all errors": lambda _: sblcosim.budget(
+        sblcosim.load("harbour-square", SHORT), "coupled", runs=40),
+    "map with a limit": lambda _: sblcosim.map_area(
+        "harbour-square", "30x14", 4.0, limit_m=0.6, cells="6x3", runs=3, duration_s=8.0,
+        settling_s=2.0),
+    "distances with a limit": lambda _: sblcosim.map_distance(
+        "harbour-square", 60, 4.0, limit_m=0.6, cells=5, runs=4, duration_s=8.0, settling_s=2.0),
+    "require": question(),
+    "require nothing possible": question(limit=0.001),
+    "many runs": lambda _: sblcosim.run_many(
+        "realistic-sea", ["coupled", "multilateration"], {"time.duration_s": 15.0}, runs=12),
+    "dive of buoys": lambda _: sblcosim.run("gps-buoys", overrides={"time.duration_s": 40.0}),
+    "dive at sea": lambda _: sblcosim.run(
+        "realistic-sea", ["coupled", "ekf"], {"time.duration_s": 40.0}),
+    "smoothed at sea": lambda _: sblcosim.smooth(sblcosim.run(
+        "realistic-sea", ["coupled", "ekf"], {"time.duration_s": 40.0, "seed": 8})),
+    "range test": lambda _: calibrate(pings=45, distances=(5.0, 20.0, 60.0)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ANSWERS)
+def test_more_answers_are_as_recorded(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    answer = quietly(lambda: ANSWERS[name](tmp_path))
+    as_recorded.check(f"more {name}", as_recorded.told(answer, tmp_path))
+
+
+ROOMS = (limits, scenarios, designs, tracks)
 
 
 @pytest.mark.parametrize("room", ROOMS, ids=lambda room: str(room.__name__))
