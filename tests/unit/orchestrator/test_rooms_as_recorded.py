@@ -52,6 +52,16 @@ def late() -> Any:
     return made_logs.changed(log, [37, 111], -15.0)
 
 
+def slow() -> Any:
+    """A log whose ranges have an error that lasts."""
+    log = made_logs.made(seconds=200, std=0.05, seed=6)
+    off = np.zeros(200)
+    noise = np.random.default_rng(6).normal(0.0, 0.2, 200)
+    for n in range(4, 200):
+        off[n] = 0.8 * off[n - 4] + noise[n]
+    return made_logs.changed(log, slice(None), off)
+
+
 def dive(scenario: str, **keys: Any) -> Callable[[Path], Any]:
     def made(folder: Path) -> Any:
         _, log = made_logs.written(folder, scenario, None, overrides={
@@ -67,6 +77,7 @@ LOGS: Mapping[str, Callable[[Path], Any]] = {
     "without truth": lambda _: made_logs.made(
         seconds=120, truth=False, origin=(300.0, -200.0, 2.0), start_s=50.0, seed=4, speed=1.2),
     "late": lambda _: late(),
+    "slow": lambda _: slow(),
     "sea": dive("realistic-sea"),
     "buoys": dive("gps-buoys"),
     "two-way": dive("harbour-square", **{"acoustics.ranging": "two_way",

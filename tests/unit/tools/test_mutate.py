@@ -94,6 +94,36 @@ def test_python_is_mutated_by_its_syntax(mutate: ModuleType) -> None:
         assert "Metres" not in line
 
 
+SAME = """\
+from typing import Protocol
+
+
+class Sized(Protocol):
+    def size(self, least: float = 2.5) -> float:
+        \"\"\"Of all.\"\"\"
+        ...
+
+
+def nothing(a: float, b: float) -> float:
+    return 0 * a + b * -0.0 + 0 / b
+
+
+def far(a: float, b: float) -> bool:
+    return 0 < a - b or (a + b) >= 0.0 or a * b > 1
+"""
+
+
+def test_what_the_syntax_shows_to_change_nothing_is_no_mutation(mutate: ModuleType) -> None:
+    found = {line for kind, line in lines(mutate, SAME, ".py") if kind == "factor"}
+    assert found == {
+        "return (2 * (0 * a + b * -0.0)) + 0 / b", "return (2 * (0 * a + b * -0.0 + 0 / b))",
+        "return 0 < a - b or (a + b) >= 0.0 or (2 * (a * b)) > 1",
+    }  # fmt: skip
+    others = {line for kind, line in lines(mutate, SAME, ".py") if kind != "factor"}
+    assert {"return a + b * -0.0 + 0 / b", "return 0 < a + b or (a + b) >= 0.0 or a * b > 1",
+            "return 0 < a - b or (a + b) > 0.0 or a * b > 1"} <= others  # fmt: skip
+
+
 def test_every_mutation_of_python_compiles_and_differs(mutate: ModuleType) -> None:
     source = (TOOLS / "versions.py").read_text()
     known = {ast.dump(ast.parse(source))}
