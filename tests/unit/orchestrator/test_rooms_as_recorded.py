@@ -26,6 +26,7 @@ from sblcosim.errors import ConfigurationError
 from sblcosim.identification.run import identify
 from sblcosim.limits import echoes, fisher, geometry, path, steady, unknown
 from sblcosim.models.settings.presets import PRESET_TABLES, PRESET_VALUES
+from sblcosim.processing.settings import settled, start_values
 from sblcosim.scenario import conditions, water
 from sblcosim.scenario.likes import LIKES
 from sblcosim.scenario.scenario import Scenario, load, shipped
@@ -33,6 +34,7 @@ from sblcosim.scenario.starter import starter
 from sblcosim.study import design, space
 from sblcosim.study.distributions import distribution_of
 from sblcosim.tracks import course, resample
+from sblcosim.words import numbers, shares
 
 CORNERS = made_logs.CORNERS
 OFFSETS = np.array([0.6, -0.4, 0.3, 0.0])
@@ -52,16 +54,6 @@ def late() -> Any:
     return made_logs.changed(log, [37, 111], -15.0)
 
 
-def slow() -> Any:
-    """A log whose ranges have an error that lasts."""
-    log = made_logs.made(seconds=200, std=0.05, seed=6)
-    off = np.zeros(200)
-    noise = np.random.default_rng(6).normal(0.0, 0.2, 200)
-    for n in range(4, 200):
-        off[n] = 0.8 * off[n - 4] + noise[n]
-    return made_logs.changed(log, slice(None), off)
-
-
 def dive(scenario: str, **keys: Any) -> Callable[[Path], Any]:
     def made(folder: Path) -> Any:
         _, log = made_logs.written(folder, scenario, None, overrides={
@@ -77,7 +69,6 @@ LOGS: Mapping[str, Callable[[Path], Any]] = {
     "without truth": lambda _: made_logs.made(
         seconds=120, truth=False, origin=(300.0, -200.0, 2.0), start_s=50.0, seed=4, speed=1.2),
     "late": lambda _: late(),
-    "slow": lambda _: slow(),
     "sea": dive("realistic-sea"),
     "buoys": dive("gps-buoys"),
     "two-way": dive("harbour-square", **{"acoustics.ranging": "two_way",
@@ -96,6 +87,9 @@ def test_what_is_said_of_a_log_is_as_recorded(
         kind: as_recorded.told(quietly(lambda action=action: action(log)), tmp_path)
         for kind, action in (("process", sblcosim.process), ("identify", identify))
     }
+    ready = quietly(lambda: settled(log))
+    settings = [ready.scenario.given(), start_values(ready, 0.5), ready.interval_ns, ready.slots]
+    found["settings"] = json.loads(json.dumps(every(settings)).replace(str(tmp_path), "HERE"))
     as_recorded.check(f"log {name}", found)
 
 
@@ -340,7 +334,27 @@ def test_more_answers_are_as_recorded(
     as_recorded.check(f"more {name}", as_recorded.told(answer, tmp_path))
 
 
-ROOMS = (limits, scenarios, designs, tracks)
+def words() -> dict[str, Any]:
+    """Numbers of all sizes as words."""
+    sizes = [0.0, *(sign * 10.0**k * m for k in range(-7, 8) for m in (1.0, 2.46, 9.96)
+                    for sign in (1, -1))]  # fmt: skip
+    of_any = (numbers.rounded, numbers.signed, numbers.number, numbers.figure)
+    of_lengths = (numbers.meters, numbers.meters_at_most, numbers.short_length)
+    of_shares = (
+        shares.percent, shares.rough_percent, shares.whole_percent, shares.column_percent,
+        shares.percent_at_least, shares.percent_at_most,
+    )  # fmt: skip
+    found: dict[str, Any] = {f.__name__: [f(x) for x in sizes] for f in of_any}
+    found |= {f.__name__: [f(abs(x)) for x in sizes] for f in of_lengths}
+    few = [0.0, 1e-9, 1e-5, 4e-4, 0.0049, 0.005, 0.015, 0.25, 0.333, 0.5, 0.949, 0.95, 0.9949,
+           0.995, 0.9996, 0.99999, 1.0]  # fmt: skip
+    found |= {f.__name__: [f(x) for x in few] for f in of_shares}
+    found["p"] = [[numbers.p_value(x), numbers.probability(x)] for x in few]
+    found["ordinal"] = [numbers.ordinal(x) for x in (1, 2, 3, 4, 11, 12, 13, 21, 22, 95, 111, 99.9)]
+    return found
+
+
+ROOMS = (limits, scenarios, designs, tracks, words)
 
 
 @pytest.mark.parametrize("room", ROOMS, ids=lambda room: str(room.__name__))
