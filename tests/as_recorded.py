@@ -10,7 +10,9 @@ import dataclasses
 import json
 import math
 import os
+import re
 from collections.abc import Iterable, Mapping
+from html import unescape
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +43,16 @@ def told(answer: Any, here: Path) -> dict[str, Any]:
     }
     plain: dict[str, Any] = json.loads(json.dumps(found).replace(str(here), "HERE"))
     return plain
+
+
+def words_of(page: str, here: Path) -> list[str]:
+    """What an HTML page says, but for its figures and the names of folder and runs."""
+    bare = re.sub(r"<(svg|style|script)\b.*?</\1>", "", page, flags=re.DOTALL)
+    said = re.sub(r"\b[0-9a-f]{16,}\b", "RUN", unescape(bare).replace(str(here), "HERE"))
+    said = re.sub(r"\bsblcosim \d+\.\d+\S*", "sblcosim VERSION", said)
+    lines = re.sub(r"<[^>]*>", "\n", said).splitlines()
+    told = [line.strip() for line in lines if line.strip()]
+    return told[: told.index("Software") if "Software" in told else None]
 
 
 def table_of(table: pd.DataFrame) -> dict[str, Any]:

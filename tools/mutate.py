@@ -6,8 +6,9 @@
 Each mutation is made alone, in a copy of this tree, and the tests run until one fails. Survivors
 are printed as a diff with their number; ``--number 12`` repeats that mutation. Kinds: a sign, a
 comparison, a dropped term or factor, a factor of two, an index increased by one, a removed check, a
-unit (a factor of time, length or angle). C files need ``--build``, a command that fails if the file
-does not compile, for example
+unit (a factor of time, length or angle). Left out is what the syntax shows to change nothing: twice
+a product with 0, and twice what is compared with 0. C files need ``--build``, a command that fails
+if the file does not compile, for example
 ``--build 'python -c "from sblcosim.fmus.build import factory; factory.build(\\"ekf\\")"'``.
 """
 
@@ -121,11 +122,23 @@ class _Python:
                 continue
             for child in value if isinstance(value, list) else [value]:
                 if isinstance(child, ast.AST) and not self._is_silent(child):
-                    yield from self._below(child)
+                    yield from (m for m in self._below(child) if not self._is_equal(m, node, child))
+
+    def _is_equal(self, mutation: Mutation, parent: ast.AST, child: ast.AST) -> bool:
+        """Whether a factor of two changes nothing: what it doubles is compared with 0."""
+        return (
+            mutation.kind == "factor"
+            and isinstance(parent, ast.Compare)
+            and isinstance(child, ast.BinOp)
+            and (mutation.start, mutation.end) == (self._start(child), self._end(child))
+            and all(it is child or _is_zero(it) for it in (parent.left, *parent.comparators))
+        )
 
     def _is_silent(self, node: ast.AST) -> bool:
         """Whether it is a message, or something else that no test could notice."""
         if isinstance(node, ast.Raise | ast.JoinedStr | ast.Import | ast.ImportFrom):
+            return True
+        if isinstance(node, ast.FunctionDef) and _is_stub(node):
             return True
         if isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING"):
             return True
@@ -179,7 +192,8 @@ class _Python:
         yield self._whole("term", node, self._text(left))
         if isinstance(op, ast.Add | ast.Mult):
             yield self._whole("term", node, self._text(right))
-        yield self._whole("factor", node, f"(2 * ({self._text(node)}))")
+        if not _is_zero(node):
+            yield self._whole("factor", node, f"(2 * ({self._text(node)}))")
 
     def _index(self, index: ast.expr) -> Iterator[Mutation]:
         parts = index.elts if isinstance(index, ast.Tuple) else [index]
@@ -231,6 +245,29 @@ _SYMBOLS: dict[type[ast.cmpop], str] = {
     ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!=",
     ast.In: "in", ast.NotIn: "not in", ast.Is: "is", ast.IsNot: "is not",
 }  # fmt: skip
+
+
+def _is_zero(node: ast.expr) -> bool:
+    """Whether it is 0, or a product with 0, which remains what it is when it is doubled."""
+    match node:
+        case ast.Constant(int() | float() as value):
+            return value == 0 and not isinstance(value, bool)
+        case ast.UnaryOp(ast.USub() | ast.UAdd(), operand):
+            return _is_zero(operand)
+        case ast.BinOp(left, ast.Mult(), right):
+            return _is_zero(left) or _is_zero(right)
+        case ast.BinOp(left, ast.Div() | ast.FloorDiv(), _):
+            return _is_zero(left)
+    return False
+
+
+def _is_stub(node: ast.FunctionDef) -> bool:
+    """Whether a function does nothing: those of protocols, and signatures for type checkers."""
+    rest = node.body[1:] if ast.get_docstring(node) is not None else node.body
+    return all(
+        isinstance(it, ast.Expr) and isinstance(it.value, ast.Constant) and it.value.value is ...
+        for it in rest
+    )
 
 
 def _is_text(node: ast.expr) -> bool:

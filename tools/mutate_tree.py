@@ -40,9 +40,8 @@ ROUNDS = (4.0, 20.0)
 """Seconds of tests after which the first runs of pytest end; the last ends at the limit."""
 PATIENCE = 400.0
 """Seconds that a run of pytest may take longer than its tests once took: it may compile."""
-BUILT = "models/"
-OF_BUILT = "tests/unit/orchestrator/test_as_recorded.py"
-"""Tests of what is built from these sources. They find it built, so they execute no line of it."""
+OF_EQUATIONS = "tests/unit/models/test_equations.py"
+"""Tests of all equations, which compile nothing. Others compile first what is changed."""
 
 
 @dataclass(frozen=True)
@@ -116,10 +115,13 @@ class Record:
 
     def rounds(self, place: Place, source: str, limit: float) -> Iterator[list[str]]:
         """These tests for one run of pytest after another, until the limit in seconds."""
-        built = self._files.get(OF_BUILT, []) if place.file.startswith(BUILT) else []
         first, second = self.stages(place, source)
-        yield from self._parts(first, ROUNDS[-1] if built else limit)
-        yield from [built] if built else []
+        if any(test.startswith(OF_EQUATIONS) for test in first):
+            all_equations = self._files[OF_EQUATIONS]
+            yield all_equations
+            first = [test for test in first if test not in all_equations]
+            second = [test for test in second if test not in all_equations]
+        yield from self._parts(first, limit)
         yield from self._parts(second, limit - sum(self.seconds[test] for test in first))
 
     def _parts(self, given: Sequence[str], limit: float) -> Iterator[list[str]]:

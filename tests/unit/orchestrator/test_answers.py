@@ -49,7 +49,7 @@ def here(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def study_of(here: Path, kind: str, **about: Any) -> Path:
     """Runs of a small study in a folder."""
-    folder = here / kind
+    folder = here / str(about.get("name", kind))
     if not folder.exists():
         design = {"kind": kind, **about.pop("design", {})}
         made = load({
@@ -78,6 +78,12 @@ def space(here: Path) -> Path:
     x = {"distribution": "uniform", "range": [0.0, 1.0]}
     return study_of(here, "space", model=added, factors={"x1": x, "x2": x},
                     design={"base_rows": 16})  # fmt: skip
+
+
+def sweeps(here: Path) -> Path:
+    loss = {"keys": ["acoustics.loss_probability"], "levels": [0.0, 0.3]}
+    return study_of(here, "sweep", replicates=3, name="sweeps",
+                    factors={"loss": loss, "arm": ARM})  # fmt: skip
 
 
 def sweep(here: Path) -> Path:
@@ -135,6 +141,7 @@ KINDS: dict[str, Callable[[Path], Any]] = {
     "analyse grid": lambda here: analysed(grid(here), practical=0.5),
     "analyse space": lambda here: analysed(space(here)),
     "analyse sweep": lambda here: analysed(sweep(here)),
+    "analyse sweeps": lambda here: analysed(sweeps(here)),
     "two levels": lambda here: analysis.of_study(full(here)),
     "two levels, logarithm": lambda here: analysis.of_study(full(here), transform="log",
                                                             practical=1.1),
@@ -202,6 +209,9 @@ def test_an_answer_has_its_one_form(kind: str, here: Path, tmp_path: Path) -> No
     assert {f"{name}.csv" for name in found.tables} <= files
     assert {f"{job.name}.svg" for job in found.figures} <= files
     assert (found.report in files) == bool(found.report)
+    if found.report:
+        page = (folder / found.report).read_text("utf-8")
+        as_recorded.check(f"page {kind}", {"page": as_recorded.words_of(page, here)})
     assert json.loads((folder / "manifest.json").read_text("utf-8"))
     assert found.save(tmp_path / "it", figures=False) == folder  # of the same question
     kept = kind in ("run", "smooth")  # an equal run keeps what it has

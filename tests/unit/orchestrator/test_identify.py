@@ -7,6 +7,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import as_recorded
 import numpy as np
 import pytest
 import sblcosim
@@ -423,6 +424,37 @@ def test_intervals_are_wider_where_residuals_resemble_the_ones_before() -> None:
     sd = device.motion.coordinate("range_std")[1]
     width = 2 * stats.norm.ppf(0.975) * sd * device.wider
     assert np.log(row.high / row.low) == pytest.approx(width, rel=1e-3)
+
+
+def devices() -> dict[str, Samples]:
+    """Of several kinds, and at the limits of what can be told."""
+    one, number = heard(), np.arange(300)
+    waves = 0.3 * np.sin(2 * np.pi * (number // 4) / 8 + one.beacon)
+    late = {k: np.where(number % 60 < k, 0.9, 0.0) for k in (0, 1, 2, 6)}
+    turned = np.column_stack([np.zeros((300, 2)), 0.2 * np.sin(number / 9)])
+    return {
+        "plain": one,
+        "waves": replace(one, range=one.range + waves),
+        **{f"late {k}": replace(one, range=one.range + by) for k, by in late.items() if k},
+        "scale": replace(one, range=1.03 * one.range + 0.2 * one.beacon),
+        **{f"{n} depths": replace(one, depth_ns=one.depth_ns[:n], depth=one.depth[:n])
+           for n in (9, 10, 11, 40)},
+        "own places": replace(one, position=one.position + 0.4 * np.sin(
+            number / 20 + one.beacon)[:, None]),
+        "poses": replace(one, has_pose=np.ones(300, bool), attitude=turned),
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("name", devices())
+def test_devices_are_as_recorded(name: str) -> None:
+    given = devices()[name]
+    body = BEACONS if given.has_pose.any() else None
+    device = device_of(given, body, Assumed(place_std=0.2, place_down_std=0.1))
+    as_recorded.check(f"device {name}", {
+        "numbers": [as_recorded.fields_of(it) for it in device.numbers],
+        "wider": device.wider, "remarks": device.remarks,
+        "known": dict(device.known), "white": device.white_std,
+    })  # fmt: skip
 
 
 def test_scale_and_offset_are_not_told_where_distances_are_alike() -> None:

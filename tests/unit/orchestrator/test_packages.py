@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+import as_recorded
 import numpy as np
 import pytest
 import sblcosim
@@ -1245,6 +1246,7 @@ def test_circles_and_long_ways_are_drawn(stranger2: Path, tmp_path: Path) -> Non
     paths = [*root.iter("{http://www.w3.org/2000/svg}path")]
     assert len(paths) == len(lines_of(found))
     assert "nan" not in text
+    as_recorded.check("picture of a package", {"svg": text.splitlines()})
 
 
 @pytest.mark.parametrize(

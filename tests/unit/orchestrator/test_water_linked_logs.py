@@ -137,10 +137,11 @@ def test_the_pose_of_the_topside_unit_places_everything_on_earth(tmp_path: Path)
     }
 
 
+@pytest.mark.parametrize("first", [(10.0, 5.0), (58.8, 5.0), (60.0, 6.5)])
 def test_a_first_position_of_the_topside_unit_far_from_the_others_is_no_origin(
-    tmp_path: Path,
+    first: tuple[float, float], tmp_path: Path
 ) -> None:
-    places = [(10.0, 5.0), (60.0, 5.0), (60.00001, 5.0), (60.00002, 5.0)]
+    places = [first, (60.0, 5.0), (60.00001, 5.0), (60.00002, 5.0)]
     log = _read(tmp_path, [
         _poll(0, "config/receivers", RECEIVERS),
         *(_poll(1 + n, "position/master", {"lat": lat, "lon": lon, "orientation": 0})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import importlib.util
+import json
 import re
 import subprocess
 import sys
@@ -11,6 +12,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+from coverage import CoverageData
 
 TOOLS = Path(__file__).parents[3] / "tools"
 
@@ -92,6 +94,36 @@ def test_python_is_mutated_by_its_syntax(mutate: ModuleType) -> None:
         assert "must" not in line
         assert "def " not in line
         assert "Metres" not in line
+
+
+SAME = """\
+from typing import Protocol
+
+
+class Sized(Protocol):
+    def size(self, least: float = 2.5) -> float:
+        \"\"\"Of all.\"\"\"
+        ...
+
+
+def nothing(a: float, b: float) -> float:
+    return 0 * a + b * -0.0 + 0 / b
+
+
+def far(a: float, b: float) -> bool:
+    return 0 < a - b or (a + b) >= 0.0 or a * b > 1
+"""
+
+
+def test_what_the_syntax_shows_to_change_nothing_is_no_mutation(mutate: ModuleType) -> None:
+    found = {line for kind, line in lines(mutate, SAME, ".py") if kind == "factor"}
+    assert found == {
+        "return (2 * (0 * a + b * -0.0)) + 0 / b", "return (2 * (0 * a + b * -0.0 + 0 / b))",
+        "return 0 < a - b or (a + b) >= 0.0 or (2 * (a * b)) > 1",
+    }  # fmt: skip
+    others = {line for kind, line in lines(mutate, SAME, ".py") if kind != "factor"}
+    assert {"return a + b * -0.0 + 0 / b", "return 0 < a + b or (a + b) >= 0.0 or a * b > 1",
+            "return 0 < a - b or (a + b) > 0.0 or a * b > 1"} <= others  # fmt: skip
 
 
 def test_every_mutation_of_python_compiles_and_differs(mutate: ModuleType) -> None:
@@ -232,3 +264,26 @@ def test_mutations_of_a_tree_run_the_tests_that_execute_them(tmp_path: Path) -> 
     assert done.stdout.endswith(f"seed 3: {survivors} of {len(found)} mutations survive\n")
     half = tool("draw", "--seed", "3", "--count", "6", "--skip", "1", "--step", "2")
     assert re.findall(r"^\d+", half.stdout, re.MULTILINE) == ["1", "3", "5"]
+
+
+def test_tests_of_equations_run_before_those_that_compile(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(str(TOOLS))
+    tree = importlib.import_module("mutate_tree")
+    quick, slow = "tests/test_quick.py::test_it", "tests/unit/models/test_equations.py::test_it"
+    data = CoverageData(str(tmp_path / "lines"))
+    for test, executed in ((quick, [1, 2, 3]), (slow, [2])):
+        data.set_context(test)
+        data.add_lines({"models/way.py": executed})
+    data.write()
+    seconds = {quick: 0.1, slow: 9.0, f"{slow}_more": 8.0}
+    (tmp_path / "seconds.json").write_text(json.dumps(seconds))
+    record, source = tree.Record(tmp_path), "a\nb\nc\n"
+
+    def rounds(start: int) -> list[list[str]]:
+        place = tree.Place("models/way.py", 0, tree.Mutation("sign", start, start + 1, "+"))
+        return [*record.rounds(place, source, 60.0)]
+
+    assert rounds(2) == [[slow, f"{slow}_more"], [quick]]
+    assert rounds(4) == [[quick]]
