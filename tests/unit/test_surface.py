@@ -56,9 +56,10 @@ def _listed(text: str) -> Iterator[tuple[str, str]]:
             header = cells
         elif cells and cells[0].startswith("`"):
             row = dict(zip(header, cells, strict=True))
-            yield heading + cells[0], row.get("unit", "")
+            name = re.sub(r"^(`--[\w-]+) .*`$", r"\1`", cells[0])  # options without their values
+            yield heading + name, row.get("unit", "")
             for choice in re.findall(r'`("\w+")`', row.get("values", "")):
-                yield f"{heading}{cells[0]} = {choice}", ""
+                yield f"{heading}{name} = {choice}", ""
 
 
 def _ports() -> Iterator[tuple[str, str]]:
@@ -95,8 +96,8 @@ def test_nothing_that_is_promised_is_missing() -> None:
 
 
 @pytest.mark.parametrize(("where", "name", "unit"), [
-    ("commands.md: commands", "run `--seed N`", ""),
-    ("commands.md: commands", "export ssp `--out FILE.ssp`", ""),
+    ("commands.md: commands", "run `--seed`", ""),
+    ("commands.md: commands", "export ssp `--out`", ""),
     ("json.md: json", "run `scenario_name`", "string"),
     ("scenario.md: keys platform", "`platform.track_tolerance_m`", "m"),
     ("scenario.md: keys platform", '`platform.gps_grade` = "rtk_fixed"', ""),
