@@ -189,7 +189,7 @@ def _comment(text: str, indent: str) -> list[str]:
 
 
 @dataclass(frozen=True, eq=False)
-class RecordedDive:
+class SelfTest:
     """A recorded dive of a receiver.
 
     Attributes
@@ -204,7 +204,7 @@ class RecordedDive:
     outputs: NDArray[np.float64]
 
 
-def recording_source(model: Model, name: str, recording: RecordedDive) -> str:
+def recording_source(model: Model, name: str, recording: SelfTest) -> str:
     """``recording.h``: changes of inputs and outputs, and the table of their places."""
     lines = [
         "/* Receptions of a recorded dive, and what the receiver made of them. */",
@@ -267,7 +267,7 @@ def _elements(model: Model, name: str) -> Iterator[str]:
 
 def folder_files(
     model: Model, name: str, parameters: Mapping[str, Sequence[float]], interval_ns: int,
-    target: str, recording: RecordedDive, about: str,
+    target: str, recording: SelfTest, about: str,
 ) -> dict[str, bytes]:
     """All files of a folder: the receiver, how to use it, and its self-test.
 

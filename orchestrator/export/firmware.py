@@ -95,7 +95,7 @@ def _files(receiver: str, scenario: Scenario, target: str) -> dict[str, bytes]:
         {s.port.name: [float(value) for value in s.values] for s in planned.settings},
         planned.interval_ns,
         target,
-        firmware.RecordedDive(*recording),
+        firmware.SelfTest(*recording),
         f"Its parameters are those of the scenario {scenario.name}.",
     )
 
