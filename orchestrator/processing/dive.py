@@ -52,7 +52,7 @@ _LATER = 2**53
 
 
 @dataclass(frozen=True)
-class RecordedDive:
+class PreparedDive:
     """A log, ready for a page.
 
     Attributes
@@ -92,7 +92,7 @@ class RecordedDive:
 def recorded_dive(
     log: str | Path | Log, receiver: Receivers = (), overrides: Changes = (), *,
     scenario: Given = None, mapping: str | Path | None = None,
-) -> RecordedDive:
+) -> PreparedDive:
     """A log, ready for a page.
 
     Parameters
@@ -140,7 +140,7 @@ def recorded_dive(
         "knowing": None if ready.newest else _knowing(ready.log),
         "shown": content(shown),
     }
-    return RecordedDive(ready.scenario, facts, _tables(ready.log, given, truth))
+    return PreparedDive(ready.scenario, facts, _tables(ready.log, given, truth))
 
 
 def _truth(ready: Settled, choice: Choice) -> tuple[Truth | None, list[str]]:
