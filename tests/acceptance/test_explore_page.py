@@ -200,7 +200,8 @@ def test_receivers_are_compared_and_chosen_where_they_are_compared(
       const row = (name) => all("#compared tr").find((it) => it.dataset.receiver === name);
       const told = () => [page.explorer.receivers, all("#compared tr").filter(
         (it) => it.querySelector("td").textContent).map((it) => it.dataset.receiver),
-        $("main-receiver").value, row("coupled").classList.contains("own")];
+        $("main-receiver").value, row("coupled").classList.contains("own"),
+        $("best-note").textContent];
       const alone = told();
       change(row("coupled").querySelector("input"), true);
       await settle();
@@ -208,7 +209,7 @@ def test_receivers_are_compared_and_chosen_where_they_are_compared(
       const two = told();
       row("coupled").querySelector("button").click();
       await settle();
-      const used = told();
+      const used = [...told(), document.activeElement.getAttribute("aria-label")];
       change(field("platform.gps_grade").querySelector("select"), "rtk_fixed");
       page.explorer.apply({{ given: {{ "time.duration_s": 8 }} }});
       page.changed();
@@ -218,10 +219,13 @@ def test_receivers_are_compared_and_chosen_where_they_are_compared(
         explained: all("#compared .note").every((it) => it.textContent.length > 20),
         short: [$("best").textContent, $("best-note").textContent] }};
     """)
-    assert shown["alone"] == [["ekf"], ["ekf", "raw"], "ekf", False]
-    assert shown["two"] == [["ekf", "coupled"], ["ekf", "coupled", "raw"], "ekf", False]
+    assert shown["alone"][:4] == [["ekf"], ["ekf", "raw"], "ekf", False]
+    assert shown["alone"][4].endswith(f"of {DIVES} dives; 1 not compared")
+    assert shown["two"][:4] == [["ekf", "coupled"], ["ekf", "coupled", "raw"], "ekf", False]
+    assert shown["two"][4].endswith(f"of {DIVES} dives")
     assert shown["used"][0] == ["coupled", "ekf"]
-    assert shown["used"][2:] == ["coupled", True]
+    assert shown["used"][2:4] == ["coupled", True]
+    assert shown["used"][5] == "Use ekf"
     assert shown["explained"]
     assert "in its last quarter" in shown["words"]
     assert shown["short"] == ["coupled or ekf", "no difference that is clear of chance"]
@@ -254,9 +258,12 @@ def test_what_limits_the_receiver_and_what_to_buy_first_are_those_of_its_causes(
     assert "128 dives each" in shown["note"]
 
 
-def test_the_water_is_coloured_when_asked(browsing: Callable[..., Tab]) -> None:
+def test_water_is_computed_where_one_looks_and_told_from_a_limit(
+    browsing: Callable[..., Tab]
+) -> None:
+    """Zoomed out, they grow; zoomed in, they get finer; a little changes nothing."""
     shown = browsing(json.dumps({"receivers": ["ekf"]})).run(f"""{HELPERS}
-      const seen = () => {{
+      const pictured = () => {{
         const {{ width, height }} = $("map");
         const pen = new OffscreenCanvas(width, height).getContext("2d");
         pen.drawImage($("map"), 0, 0);
@@ -264,34 +271,13 @@ def test_the_water_is_coloured_when_asked(browsing: Callable[..., Tab]) -> None:
         for (let i = 0; i < data.length; i += 4 * 97) found.add(data.slice(i, i + 3).join());
         return found.size;
       }};
-      const before = seen();
-      $("colour").click();
-      await until(() => / depth$/.test($("water-words").textContent));
-      const cells = page.water.cells, values = [...cells.values];
-      const coloured = [seen(), $("colour").getAttribute("aria-pressed"), $("water-scale").hidden];
-      change(field("acoustics.range_std_m").querySelector("input[type=text]"), "0.2");
-      await settle();
-      return {{ before, coloured, n: values.length, known: values.filter(Number.isFinite).length,
-        after: [page.stage.state.under, $("colour").getAttribute("aria-pressed"),
-          $("water-scale").hidden] }};
-    """)
-    assert shown["known"] == shown["n"] > 100
-    assert shown["coloured"][0] > 2 * shown["before"]
-    assert shown["coloured"][1:] == ["true", False]
-    assert shown["after"] == [None, "false", True]
-
-
-def test_water_is_computed_where_one_looks_and_told_from_a_limit(
-    browsing: Callable[..., Tab]
-) -> None:
-    """Zoomed out, the colours grow; zoomed in, they get finer; a little changes nothing."""
-    shown = browsing(json.dumps({"receivers": ["ekf"]})).run(f"""{HELPERS}
       const done = async () => {{
         await until(() => / depth$/.test($("water-words").textContent));
         const {{ north, east, size }} = page.water.cells;
         return [north[0] - size / 2, north.at(-1) + size / 2, east[0] - size / 2,
           east.at(-1) + size / 2, size];
       }};
+      const before = pictured();
       const seen = () => {{
         const {{ view }} = page.stage, [south, west] = view.under(0, view.height);
         const [north, east] = view.under(view.width, 0);
@@ -302,7 +288,9 @@ def test_water_is_computed_where_one_looks_and_told_from_a_limit(
         fill() {{ found.add(this.fillStyle); }} }};
         page.stage.state.under(pen, page.stage.view); return found.size; }};
       $("colour").click();
-      const first = await done(), many = colours();
+      const first = await done(), many = colours(), cells = page.water.cells.values;
+      const coloured = [before, pictured(), $("colour").getAttribute("aria-pressed"),
+        $("water-scale").hidden, cells.length, cells.filter(Number.isFinite).length];
       const {{ values }} = page.water.cells, limit = [...values].sort((a, b) => a - b)[
         values.length >> 1].toFixed(1);
       change($("water-limit"), limit.replace(".", ","));
@@ -322,9 +310,18 @@ def test_water_is_computed_where_one_looks_and_told_from_a_limit(
       await until(() => /computing|done/.test($("water-words").textContent));
       const wide = await done(), view = seen();
       for (let i = 0; i < 6; i++) $("nearer").click();
-      await until(() => /computing|done/.test($("water-words").textContent));
-      return {{ first, many, two, wrong, none, near, wide, view, fine: (await done())[4] }};
+      await until(() => page.water.grid.size < wide[4]);
+      const fine = page.water.grid.size;
+      change(field("acoustics.range_std_m").querySelector("input[type=text]"), "0.2");
+      await settle();
+      return {{ first, coloured, many, two, wrong, none, near, wide, view, fine,
+        after: [page.stage.state.under, $("colour").getAttribute("aria-pressed"),
+          $("water-scale").hidden] }};
     """)
+    before, pictured, *rest, n, known = shown["coloured"]
+    assert pictured > 2 * before
+    assert rest == ["true", False]
+    assert known == n > 100
     assert shown["many"] > 20
     assert shown["two"][0] == 2
     within = shown["two"][2]
@@ -338,6 +335,7 @@ def test_water_is_computed_where_one_looks_and_told_from_a_limit(
     assert size > 2 * shown["first"][4]
     np.testing.assert_allclose([south, north, west, east], shown["view"], atol=size)
     assert shown["fine"] < size / 2
+    assert shown["after"] == [None, "false", True]
 
 
 def test_labels_of_the_histogram_never_cover_each_other(browsing: Callable[..., Tab]) -> None:
@@ -364,7 +362,8 @@ def test_labels_of_the_histogram_never_cover_each_other(browsing: Callable[..., 
 
 
 def test_every_figure_is_saved_as_png_and_svg(browsing: Callable[..., Tab]) -> None:
-    found = browsing().run(f"""{HELPERS}
+    found = browsing(json.dumps({"given": {"target.waypoint_m": [5, -5, 4, 5, 5, 4]}})).run(f"""
+      {HELPERS}
       change($("count"), "{DIVES}");
       await settle();
       await computed();

@@ -267,6 +267,18 @@ def test_a_worker_that_hangs_loses_nothing(
     assert answer["started"] > workers
 
 
+def test_the_time_of_a_worker_follows_from_how_fast_it_is(short: Case, tmp_path: Path) -> None:
+    """Ten steps of a tenth of the limit; one that takes 0.3 s for a part gets ten times that."""
+    job = {**short.job(modules.module(SMALL), part=2), "workers": [1], "patience": 1, "late": 300,
+           "waits": True}
+    answer = in_node(job, tmp_path)
+    short.compare(answer, [1])
+    waits = answer["waits"]
+    assert waits[0] == 0.1  # it is being made
+    assert waits[2] < 100
+    assert max(waits) > 250
+
+
 @pytest.mark.parametrize(("how", "why"), [("dying", "a worker ended"), ("hanging", "no answer")])
 def test_without_workers_that_answer_there_is_an_error(
     short: Case, how: str, why: str, tmp_path: Path

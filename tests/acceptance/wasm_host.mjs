@@ -1,6 +1,7 @@
 // What a host of `engine.js` answers to a job of test_wasm_lanes.py, in node and in a browser.
 // node wasm_host.mjs ENGINE.mjs WORKER.mjs JOB.json ANSWER.json
 export const bytesOf = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
+const wait = globalThis.setTimeout;
 const textOf = (array) => {
   let text = "";
   const bytes = new Uint8Array(array.buffer, array.byteOffset, array.byteLength);
@@ -9,12 +10,13 @@ const textOf = (array) => {
   return btoa(text);
 };
 const packed = (found) => Object.fromEntries(
-  Object.entries(found).map(([name, it]) => [name, ArrayBuffer.isView(it) ? textOf(it) : typeof it === "object" ? packed(it) : it]));
+  Object.entries(found).map(([name, it]) => [name, ArrayBuffer.isView(it) ? textOf(it) : name === "waits" || typeof it !== "object" ? it : packed(it)]));
 
 /**
  * worker: makes a worker. Optional in a job: `changes` of parameters, the milliseconds by which the
  * first worker answers `late`, how many runs' parts each of the first workers survives (`dying`) or
- * does before it loops for ever (`hanging`), and the `patience` of the pool.
+ * does before it loops for ever (`hanging`), the `patience` of the pool, and whether it is told how
+ * long that waits (`waits`): then it waits much longer.
  */
 export async function answer(script, job, worker) {
   try {
@@ -29,6 +31,13 @@ async function found({ Engine, Plan, Pool }, job, worker) {
   const plan = new Plan(job.description, bytesOf(job.content).buffer);
   for (const [name, values] of Object.entries(job.changes ?? {})) plan.set(name, values);
   const found = { record: engine.record(plan, job.recorded) };
+  if (job.waits) {
+    found.waits = [];
+    globalThis.setTimeout = (act, ms) => {
+      found.waits.push(ms);
+      return wait(act, 1e5 * ms);
+    };
+  }
   found["0"] = engine.run(plan, job.seeds, job.percentages);
   for (const count of job.workers) {
     const workers = [];
@@ -58,7 +67,7 @@ function strange(worker, number, { late = 0, dying = [], hanging = [] }) {
       else worker.postMessage({ ...message, hang: Boolean(message.seeds) && useful-- <= 0 });
     },
     on: (name, act) => worker.on(
-      name, (data) => number || name !== "message" ? act(data) : setTimeout(act, late, data)),
+      name, (data) => number || name !== "message" ? act(data) : wait(act, late, data)),
     terminate: () => worker.terminate(),
   };
 }

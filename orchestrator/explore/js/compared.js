@@ -30,12 +30,20 @@ export class Comparison {
       type: "checkbox", "data-compare": name, "aria-label": `Compare ${name}`, disabled: name === "raw" });
     box.addEventListener("change", () => this.page.receivers.compare(name, box.checked));
     const use = element("button", { type: "button", class: "use", "aria-label": `Use ${name}` }, "Use");
-    use.addEventListener("click", () => this.page.receivers.use(name));
+    use.addEventListener("click", () => this.use(name));
     const row = element("tr", { "data-receiver": name },
       element("th", { scope: "row" }, element("label", {}, box, mark, element("b", {}, name)),
         element("span", { class: "note" }, WORDS[name] ?? "")),
       ...cells, element("td", {}, use));
     return { row, cells, mark, box, use };
+  }
+
+  // The button goes away; where the focus was, people go on.
+  use(name) {
+    const [before] = this.page.explorer.receivers;
+    this.page.receivers.use(name);
+    this.show();
+    this.rows.get(before).use.focus();
   }
 
   /** Which are compared, and which is the diver's. */
@@ -51,6 +59,7 @@ export class Comparison {
 
   take(receivers, styles, main) {
     const best = bestOf(receivers), own = receivers[main];
+    const left = [...this.rows.keys()].filter((name) => !receivers[name]).length;
     for (const [name, { row, cells, mark }] of this.rows) {
       const found = receivers[name];
       row.classList.toggle("best", name === best.name);
@@ -64,7 +73,7 @@ export class Comparison {
     }
     put($("than"), main);
     put($("best"), best.words);
-    put($("best-note"), best.note);
+    put($("best-note"), best.note + (left ? `; ${left} not compared` : ""));
   }
 }
 

@@ -188,7 +188,7 @@ class Page {
     const styles = Object.fromEntries(this.stage.run.receivers.map((it) => [it.label, it]));
     showVerdict(summary, styles, main);
     this.comparison.take(summary.receivers, styles, main);
-    put($("dives-note"), `${summary.done} dives, each with its own waves, noise and losses: seeds ${seedsOf(this.explorer.seed, summary.done)}.`);
+    put($("dives-note"), `Bars: how often an error of that size occurs. ${summary.done} dives, each with its own waves, noise and losses: seeds ${seedsOf(this.explorer.seed, summary.done)}.`);
     const { p50, p95 } = summary.receivers[main];
     $("histogram").setAttribute("aria-label", `Histogram of the errors of ${summary.done} dives with `
       + `${main}: half within ${length(p50)}, 95 % within ${length(p95)}`);
