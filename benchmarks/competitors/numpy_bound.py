@@ -37,7 +37,7 @@ def _part(
     (n, divers), count = position.shape[:2], epochs.heard.shape[1]
     platform, attitude = (np.broadcast_to(a, (n, 3)) for a in (epochs.platform, epochs.attitude))
     beacons = np.broadcast_to(epochs.beacons, (n, count, 3))
-    numbers = vars(model.parameters) | {"pings": 1.0} | dict(model.situation)
+    numbers = vars(model.parameters) | dict(model.situation)
     p = SimpleNamespace(**numbers | {"acceleration_psd": acceleration_psd})
     size = bound.states + bound.each * count
     P = np.zeros((size, size, divers))
