@@ -8,15 +8,7 @@ from typing import Any
 
 import casadi as ca
 from sblcosim.models.ports import BEACONS
-from sblcosim.models.receiver.bound import (
-    BOUNDS,
-    PINGS,
-    SITUATION,
-    SURROUNDINGS,
-    Bound,
-    Row,
-    least,
-)
+from sblcosim.models.receiver.bound import BOUNDS, SITUATION, SURROUNDINGS, Bound, Row, least
 
 from .generator import procedure
 from .straight_line import Array, statements
@@ -43,7 +35,7 @@ def bound_source() -> str:
 
 
 def _parameters(bound: Bound) -> tuple[str, ...]:
-    return (*bound.parameters, PINGS, *SITUATION)
+    return (*bound.parameters, *SITUATION)
 
 
 def _sizes(bound: Bound) -> tuple[int, int]:

@@ -163,7 +163,7 @@ static void measured(const struct bound_task *t, const struct model *m, int n, i
     for (int b = 0; b < t->beacons; b++) {
         const int place = epoch * t->beacons + b;
         real told = all;
-        for (int lane = 0; lane < LANES; lane++) {
+        for (int lane = 0; t->told && lane < LANES; lane++) {
             const int diver = first + lane < t->divers ? first + lane : t->divers - 1;
             r_put(&told, lane, t->told[(size_t)diver * t->beacons + b]);
         }

@@ -24,7 +24,8 @@ struct bound_task {
     const double *readings;         /* number of depth readings at each epoch */
     const double *packets;          /* number of packets at each epoch, from any beacon */
     const double *heard;            /* number of packets at each epoch, of each beacon */
-    const double *told;             /* divers, beacons: information in a range, above 0; 1: all */
+    const double *told;             /* divers, beacons: share of the information in a range that is
+                                       left, above 0; a null pointer: all */
     const double *position;         /* epochs, divers, 3 */
     const double *platform;         /* epochs, 3; of the reference point */
     const double *attitude;         /* epochs, 3; roll, pitch, yaw */

@@ -28,11 +28,10 @@ _LEAST_STD = 1e-6
 SURROUNDINGS: Mapping[str, int] = {"position": 3, "platform": 3, "attitude": 3, "beacon": 3}
 """True values at an epoch, and their lengths: positions of diver and platform, NED [m], roll,
 pitch, yaw [rad], and the position of one beacon, in the body frame or, for `FIELD`, NED [m]."""
-PINGS = "pings"
-"""Number of pings that an epoch stands for, for `ARRAY`; the recursion sets it at each epoch."""
-SITUATION = ("speed", "own_beacon", "known_start")
-"""What is not a parameter of a receiver: κ; whether packets hold the position of their own beacon
-and nothing else; whether the start is known with the receiver's prior."""
+SITUATION = ("pings", "speed", "own_beacon", "known_start")
+"""What is not a parameter of a receiver: the number of pings that an epoch stands for, for `ARRAY`,
+which the recursion sets to its number of packets; κ; whether packets hold the position of their own
+beacon and nothing else; whether the start is known with the receiver's prior."""
 
 
 Matrix = list[list[Any]]

@@ -78,6 +78,7 @@ def model_of(
     return ReceiverModel(
         name, parameters(scenario, acceleration_psd, _RECEIVERS[name]),
         {
+            "pings": 1.0,
             "speed": a.assumed_sound_speed_m_s / a.sound_speed_m_s - 1,
             "own_beacon": own_beacon and not own_errors,
             "known_start": scenario.receiver.initialisation == "prior" or scenario.true_prior,

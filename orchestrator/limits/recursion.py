@@ -89,7 +89,7 @@ class ReceiverModel:
     def values(self) -> Floats:
         """All numbers, in the order of the C code."""
         given = [getattr(self.parameters, name) for name in BOUNDS[self.name].parameters]
-        return np.array([*given, 1.0, *(self.situation[name] for name in SITUATION)], float)
+        return np.array([*given, *(self.situation[name] for name in SITUATION)], float)
 
 
 class _Task(ctypes.Structure):

@@ -160,9 +160,10 @@ def _columns(name: str, line: int, cells: Sequence[str], depths: bool) -> dict[s
         if not kinds and key != SECONDS:
             choice = f"{', '.join(LOCAL)}, or {', '.join(GEOGRAPHIC)}"
         refuse(len(cells), choice, f"got no such column in {shortened(', '.join(cells))}")
-    other = next((it for it in others if it[1].lower().startswith("heading")), None)
-    if other is not None and not depths and HEADING not in found:
-        refuse(other[0], f"{HEADING} for headings, from true north", f"got {quoted(other[1])}")
+    turned = [(i, cell) for i, cell in others if cell.lower().startswith("heading")]
+    if turned and not depths and HEADING not in found:
+        column, said = turned[0]
+        refuse(column, f"{HEADING} for headings, from true north", f"got {quoted(said)}")
     return {key: found[key] for key in (*wanted, HEADING) if key in found}
 
 

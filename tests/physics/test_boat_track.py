@@ -163,8 +163,8 @@ def test_a_column_of_headings_is_followed_along_the_shorter_way(tmp_path: Path) 
      "to 360, got 'north'"),
     ([0, 400], "heading_deg", {}, "must be a number from -360 to 360, got '400'"),
     ([0, ""], "heading_deg", {}, "must be a number from -360 to 360"),
-    ([0, 1], "heading", {}, "line 1, column 4: must be heading_deg for headings, from true north, "
-     "got 'heading'"),
+    ([0, 1], "heading", {}, "headed.csv, line 1, column 4: must be heading_deg for headings, from "
+     "true north, got 'heading'"),
     ([0, 1], "heading_deg", {"mean_heading_deg": 20.0}, "[platform] mean_heading_deg: must be left "
      "out, as"),
 ])  # fmt: skip

@@ -93,6 +93,49 @@ def test_the_height_is_the_significant_height(enhancement: float, scatter: float
     assert error * sqrt(RUNS) < scatter * mean
 
 
+def of_minutes(slope: Array, step: float) -> float:
+    """Standard deviation of a minute's RMS slope within a run, in parts of its mean; RMS."""
+    minute = round(60 / step)
+    each = slope[:, : slope.shape[1] // minute * minute].reshape(len(slope), -1, minute)
+    slopes = np.sqrt((each**2).mean(-1))
+    return sqrt(((slopes.std(1, ddof=1) / slopes.mean(1)) ** 2).mean())
+
+
+@pytest.mark.parametrize("height", [0.2, 1.0])
+def test_groups_of_few_waves_are_as_regular_as_the_page_says(height: float) -> None:
+    """By 3-4 %, with waves of the raft's length; a sea of 800 waves of random height has 8-9 %."""
+    step, period, size = 0.5, 5.0 * sqrt(height), 1.6
+    found = runs(1200.0, step, wave_height=height)["attitude"]
+    along = found[..., 0] + found[..., 1]  # waves from ahead only pitch
+    assert 0.025 < of_minutes(along, step) < 0.045
+    rng = np.random.default_rng(1)
+    longest, shortest = 2 * pi * 0.6 / period, max(2 * pi * 5 / period, sqrt(2 * pi * 9.81 / size))
+    edges = np.geomspace(longest, shortest, 801)
+    time = np.arange(0.0, 1200.0, step)
+    sea = []
+    for _ in range(30):
+        w = np.exp(rng.uniform(*np.log([edges[:-1], edges[1:]])))
+        number = w**2 / 9.81
+        follows = np.sinc(number * size / 2 / pi) * np.exp(-number * 0.1)
+        energy = np.interp(w, GRID, density(GRID, height, period, 1.0)) * w * np.diff(np.log(edges))
+        size_of = number * follows * np.sqrt(2 * energy * rng.exponential(size=800))
+        phases = rng.uniform(0, 2 * pi, 800)
+        sea.append(size_of @ np.cos(w[:, None] * time + phases[:, None]))
+    assert 0.075 < of_minutes(np.array(sea), step) < 0.1
+
+
+@pytest.mark.parametrize(("keys", "scatter"), [
+    ({"wave_height": 1.0}, 2.5), ({"wave_height": 1.0, "wave_peak_enhancement": 3.3}, 7.0),
+    ({"wave_height": 2.0, **SMALL}, 5.0),
+    ({"wave_height": 2.0, **SMALL, "wave_peak_enhancement": 3.3}, 13.0),
+])  # fmt: skip
+def test_the_height_of_a_run_scatters_as_the_page_says(
+    keys: dict[str, float], scatter: float
+) -> None:
+    up = runs(600.0, 0.5, **keys)["position"][..., 2].std(-1)
+    assert 100 * up.std() / up.mean() == pytest.approx(scatter, rel=0.3)
+
+
 @pytest.mark.parametrize("enhancement", [1.0, 3.3])
 def test_the_energy_of_each_band_is_that_of_the_spectrum(enhancement: float) -> None:
     """Of heave and of slope, in a sea that comes from between ahead and abeam."""

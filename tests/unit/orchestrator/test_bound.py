@@ -52,7 +52,7 @@ def a_case(seed: int) -> tuple[ReceiverModel, Epochs, Any, Any]:
         still = not key.endswith("_time") and draw.random() < 0.2  # some errors are not there
         setattr(p, key, 0.0 if still else (value or 0.1) * float(np.exp(draw.normal())))
     situation = {
-        "speed": float(draw.normal(0, 0.01)), "known_start": bool(draw.integers(2)),
+        "pings": 1.0, "speed": float(draw.normal(0, 0.01)), "known_start": bool(draw.integers(2)),
         "own_beacon": bool(draw.integers(2)) and name == "platform",
     }  # fmt: skip
     there = draw.choice([0.0, 0.25, 1.0, 2.5], (n, count + 2))
