@@ -27,6 +27,7 @@ from sblcosim.identification.run import identify
 from sblcosim.limits import echoes, fisher, geometry, path, steady, unknown
 from sblcosim.models.settings.presets import PRESET_TABLES, PRESET_VALUES
 from sblcosim.processing.settings import settled, start_values
+from sblcosim.results.figures import drawing
 from sblcosim.scenario import conditions, water
 from sblcosim.scenario.likes import LIKES
 from sblcosim.scenario.scenario import Scenario, load, shipped
@@ -350,6 +351,9 @@ def words() -> dict[str, Any]:
            0.995, 0.9996, 0.99999, 1.0]  # fmt: skip
     found |= {f.__name__: [f(x) for x in few] for f in of_shares}
     found["p"] = [[numbers.p_value(x), numbers.probability(x)] for x in few]
+    found["short"] = [drawing.short("abcdefghijklmnopqrstuvwxyz"[:n], most)
+                      for n in (7, 8, 9, 26) for most in (7, 8, 9)]  # fmt: skip
+    found["inches"] = [drawing.inches("abc"), drawing.inches("abc", 14.0)]
     found["ordinal"] = [numbers.ordinal(x) for x in (1, 2, 3, 4, 11, 12, 13, 21, 22, 95, 111, 99.9)]
     return found
 
