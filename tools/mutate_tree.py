@@ -38,6 +38,8 @@ from tree import ROOT
 FOLDERS = ("models", "orchestrator")
 ROUNDS = (4.0, 20.0)
 """Seconds of tests after which the first runs of pytest end; the last ends at the limit."""
+SLOW = 4.0
+"""Seconds of a test that runs after all quicker ones, so that many run until the limit."""
 PATIENCE = 400.0
 """Seconds that a run of pytest may take longer than its tests once took: it may compile."""
 OF_EQUATIONS = "tests/unit/models/test_equations.py"
@@ -111,6 +113,7 @@ class Record:
         cost = {f: sum(self.seconds[t] for t in self._files[f] if t in tests) for f in files}
         order = sorted(files, key=lambda f: (0.5 + cost[f]) / executed[f])
         first = [t for f in order for t in self._files[f] if t in tests]
+        first.sort(key=lambda test: self.seconds[test] > SLOW)
         return [first, [t for f in order for t in self._files[f] if t not in tests]]
 
     def rounds(self, place: Place, source: str, limit: float) -> Iterator[list[str]]:

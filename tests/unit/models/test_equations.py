@@ -26,6 +26,8 @@ TICK = 10**8
 """Nanoseconds."""
 KEPT = {"sampling_time", "update_interval", "seed", "stream", "slot_order"}
 """Parameters that are as declared."""
+POINTS = {"waypoint_count", "waypoint", "track_count", "track_time", "track"}
+"""Parameters that are always drawn: without them a diver does not move."""
 EXPONENTS = {"s": (-5.0, 0.0), "s/s": (-6.0, -4.0), "rad": (-3.0, -0.3), "m": (-2.0, 0.5)}
 """Of ten: sizes of a parameter that is 0 unless set, by its unit."""
 model = cache(load)
@@ -35,7 +37,7 @@ def parameters(name: str, share: float, rng: np.random.Generator) -> dict[str, A
     """Those that are not as declared."""
     return {
         v.name: value(v, rng) for v in COMPONENTS[name].of("parameter")
-        if v.name not in KEPT and rng.random() < share
+        if v.name not in KEPT and (v.name in POINTS or rng.random() < share)
     }  # fmt: skip
 
 
@@ -120,3 +122,19 @@ def test_equations_give_the_recorded_numbers(group: int) -> None:
             for key in rows[0]:
                 found[f"{name}.{key}"].append(digest([row[key] for row in rows]))
     as_recorded.check(f"equations {group}", {"numbers": found})
+
+
+@pytest.mark.parametrize("name", ["target", "platform"])
+def test_whole_paths_and_long_motion_give_the_recorded_numbers(name: str) -> None:
+    """Of the environment alone, in long steps."""
+    found = {}
+    for seed in range(18):
+        given = parameters(name, (0.1, 0.5)[seed % 2], np.random.default_rng([4, seed]))
+        if name == "target":
+            given["trajectory"] = 1 + seed // 2
+        part = Stepper(model(name), {**given, "sampling_time": 0.8}, seed=seed)
+        duration = min(float(part.y.get("path_duration", 60.0)) or 60.0, 600.0)
+        step = round(duration / 50 * 1e3) * 10**6
+        rows = [part.step(n * step, step) for n in range(55)]
+        found[f"{name} {seed}"] = [digest([row[key] for row in rows]) for key in rows[0]]
+    as_recorded.check(f"equations of the {name}", {"numbers": found})

@@ -430,15 +430,18 @@ def devices() -> dict[str, Samples]:
     """Of several kinds, and at the limits of what can be told."""
     one, number = heard(), np.arange(300)
     waves = 0.3 * np.sin(2 * np.pi * (number // 4) / 8 + one.beacon)
-    late = {k: np.where(number % 60 < k, 0.9, 0.0) for k in (0, 1, 2, 6)}
+    late = {k: np.where(number % 60 < k, 0.9, 0.0) for k in (2, 6)}
     turned = np.column_stack([np.zeros((300, 2)), 0.2 * np.sin(number / 9)])
+    walk = np.random.default_rng(5).normal(size=(300, 4)).cumsum(axis=0)[number, one.beacon]
     return {
         "plain": one,
         "waves": replace(one, range=one.range + waves),
-        **{f"late {k}": replace(one, range=one.range + by) for k, by in late.items() if k},
+        **{f"late {k}": replace(one, range=one.range + by) for k, by in late.items()},
+        "few late": replace(one, range=one.range + np.where(number % 60 < 1, 0.6, 0.0)),
+        **{f"walk {k}": replace(one, range=one.range + k * walk) for k in (0.008, 0.011)},
         "scale": replace(one, range=1.03 * one.range + 0.2 * one.beacon),
         **{f"{n} depths": replace(one, depth_ns=one.depth_ns[:n], depth=one.depth[:n])
-           for n in (9, 10, 11, 40)},
+           for n in (9, 10)},
         "own places": replace(one, position=one.position + 0.4 * np.sin(
             number / 20 + one.beacon)[:, None]),
         "poses": replace(one, has_pose=np.ones(300, bool), attitude=turned),

@@ -19,7 +19,7 @@ from sblcosim.data.truth import Truth
 from sblcosim.logs.log import Log
 from sblcosim.models import RECEIVERS
 from sblcosim.processing import figures, quality
-from sblcosim.processing.align import aligned, moved
+from sblcosim.processing.align import Alignment, aligned, moved
 from sblcosim.processing.playing import played
 from sblcosim.processing.quality import described, resemblance, row_of
 from sblcosim.processing.running import ran
@@ -433,6 +433,35 @@ def test_the_clock_of_a_truth_is_found(offset: float) -> None:
     assert processed.truth is not None
     assert abs((processed.truth.time_ns - log.truth.time_ns) / 1e9).max() < 0.5
     assert processed.receivers.horizontal_rms_m["long_baseline"] < 0.6
+
+
+@pytest.mark.parametrize(("clock", "turn"), [(-7.5, 0.0), (500.0, 0.0), (41.25, -2.1)])
+def test_outliers_do_not_move_a_clock_or_a_frame(clock: float, turn: float) -> None:
+    log = made(seconds=200)
+    truth = log.truth
+    assert truth is not None
+    rng = np.random.default_rng(2)
+    seen = truth.position + rng.normal(0.0, 0.05, truth.position.shape)
+    seen[rng.random(len(seen)) < 0.35] += [15.0, -9.0, 1.0]
+    by = Alignment(clock, turn, (4.0, -3.0, 0.5))
+    back = Alignment(-clock, -turn, (0.0, 0.0, 0.0))
+    shift = np.array(by.shift_m) if turn else np.zeros(3)
+    other = replace(truth, position=truth.position - shift)
+    stated = clock if turn else "estimate"  # on an arc, a turn may be a later clock
+    clocks = {"truth": log.meta.clock.truth.model_copy(update={"offset_s": stated})}
+    frames = {"truth": "estimate"} if turn else {}
+    meta = log.meta.model_copy(update={
+        "clock": log.meta.clock.model_copy(update=clocks),
+        "frame": log.meta.frame.model_copy(update=frames),
+    })  # fmt: skip
+    given = replace(log, truth=moved(other, back), meta=meta)
+    found = aligned(given, Estimates(epoch_ns=truth.time_ns, position=seen))
+    assert found is not None
+    assert found[1].estimated == (not turn, bool(turn))
+    assert found[1].offset_s == pytest.approx(clock, abs=0.03)
+    assert found[1].turn_rad == pytest.approx(turn, abs=0.01)
+    np.testing.assert_allclose(found[0].position, truth.position, atol=0.3)
+    np.testing.assert_allclose(found[1].shift_m, shift, atol=0.3)
 
 
 def test_the_frame_of_a_truth_is_found() -> None:

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from itertools import product
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import as_recorded
@@ -23,10 +24,15 @@ import sblcosim
 from sblcosim import require
 from sblcosim.calibrate import calibrate
 from sblcosim.errors import ConfigurationError
+from sblcosim.estimation import late as late_ranges
+from sblcosim.identification import losses
+from sblcosim.identification import path as way
 from sblcosim.identification.run import identify
+from sblcosim.judge import consistency, definitions
 from sblcosim.limits import echoes, fisher, geometry, path, steady, unknown
 from sblcosim.models.settings.presets import PRESET_TABLES, PRESET_VALUES
 from sblcosim.processing.settings import settled, start_values
+from sblcosim.results.figures import drawing
 from sblcosim.scenario import conditions, water
 from sblcosim.scenario.likes import LIKES
 from sblcosim.scenario.scenario import Scenario, load, shipped
@@ -350,11 +356,49 @@ def words() -> dict[str, Any]:
            0.995, 0.9996, 0.99999, 1.0]  # fmt: skip
     found |= {f.__name__: [f(x) for x in few] for f in of_shares}
     found["p"] = [[numbers.p_value(x), numbers.probability(x)] for x in few]
+    found["short"] = [drawing.short("abcdefghijklmnopqrstuvwxyz"[:n], most)
+                      for n in (7, 8, 9, 26) for most in (7, 8, 9)]  # fmt: skip
+    found["inches"] = [drawing.inches("abc"), drawing.inches("abc", 14.0)]
     found["ordinal"] = [numbers.ordinal(x) for x in (1, 2, 3, 4, 11, 12, 13, 21, 22, 95, 111, 99.9)]
     return found
 
 
-ROOMS = (limits, scenarios, designs, tracks, words)
+def estimates() -> dict[str, Any]:
+    """Late ranges, losses, smooth paths and consistency, over wide inputs."""
+    found: dict[str, Any] = {}
+    residual, variance = np.linspace(-6.0, 12.0, 37), 0.02 * 1.5 ** np.arange(37.0)
+    for chance, mean in product((0.0, 0.01, 0.3), (0.1, 2.0)):
+        p = SimpleNamespace(outlier_probability=chance, outlier_mean=mean)
+        found[f"late {chance} {mean}"] = [
+            late_ranges.log_densities(p, residual, variance),
+            late_ranges.share(p, residual, variance),
+        ]  # fmt: skip
+    for count, of in product((0, 1, 7, 40), (40, 900)):
+        found[f"wilson {count} {of}"] = losses.wilson(count, of)
+    rng = np.random.default_rng(3)
+    for share in (0.0, 0.1, 0.6):
+        kept = np.flatnonzero(rng.random(400) >= share)
+        times = kept * 10**9 + rng.integers(-(10**7), 10**7, len(kept))
+        for slot in (None, 4.0):
+            found[f"losses {share} {slot}"] = losses.losses(times, kept % 4, slot)
+    time = np.cumsum(rng.uniform(0.2, 2.0, 60))
+    values = np.cumsum(rng.normal(size=60))
+    for std, psd in product((0.01, 0.5), (0.0, 0.02, 3.0)):
+        found[f"smooth {std} {psd}"] = way.smoothed(time, values, std, psd)
+    found["noise"] = way.noise_of(time, values, np.arange(60) % 3)
+    for mean, runs, lost in product((0.4, 0.97, 1.4, 9.0), (1, 3, 25, 200), (0.0, 0.02, 0.3)):
+        nees = mean * rng.gamma(20.0, 3 / 20, runs)
+        found[f"consistent {mean} {runs} {lost}"] = consistency.of_runs(nees, lost)
+    for degrees, samples in product((2, 3, 6), (1, 8, 500)):
+        found[f"band {degrees} {samples}"] = definitions.chi_square_band(degrees, samples)
+    found["inconsistent"] = definitions.inconsistent(np.linspace(0.1, 4.0, 9), np.arange(1, 82, 9))
+    found["order"] = definitions.order_statistics(
+        np.sort(rng.normal(size=(4, 33)), axis=1), [1, 5, 50, 95, 99]
+    )
+    return found
+
+
+ROOMS = (limits, scenarios, designs, tracks, words, estimates)
 
 
 @pytest.mark.parametrize("room", ROOMS, ids=lambda room: str(room.__name__))
