@@ -19,7 +19,7 @@ const explorers = {
 };
 for (const it of Object.values(explorers)) await it.loaded;
 
-async function answered({ settings, link, ask = [], steps = [], dives = 0, causes = 0, water, by = "here" }) {
+async function answered({ settings, link, ask = [], steps = [], dives = 0, causes = 0, possible = 0, water, by = "here" }) {
   const explorer = explorers[by];
   explorer.reset();
   const refused = explorer.apply(link ? Explorer.settingsOf(link) : settings ?? {});
@@ -34,6 +34,7 @@ async function answered({ settings, link, ask = [], steps = [], dives = 0, cause
   }
   if (dives) found.dives = await explorer.dives(dives);
   if (causes) found.causes = await explorer.causes(() => {}, causes);
+  if (possible) found.possible = await explorer.possible(possible);
   if (water) found.water = await explorer.water(water);
   return found;
 }
