@@ -116,6 +116,25 @@ def test_every_scenario(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("beacons", [3, 8])
+def test_other_numbers_of_beacons(beacons: int, tmp_path: Path) -> None:
+    numbers, compared = random.Random(beacons), 0
+    arms = [[round(numbers.uniform(-5, 5), 3) for _ in range(3)] for _ in range(beacons)]
+    jobs = jobs_at_random(NAME, 12, {
+        "platform.beacon_m": arms, "acoustics.slot_order": None,
+        "platform.mounting_error_m": None, "receiver.beacon_offset_m": None,
+    })  # fmt: skip
+    told = contents(load(NAME), beacons=[beacons], lanes=(2,))
+    for job, answer in zip(jobs, answers(told, jobs, tmp_path), strict=True):
+        if answer["refused"] is None:
+            run = in_python(answer, tmp_path, job["settings"]["receivers"])
+            assert run.scenario.beacons == beacons
+            same(answer["possible"], run)
+            compared += 1
+    assert compared > 6
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["gps-buoys", "harbour-lbl"])
 def test_beacons_with_errors_of_their_own(name: str, tmp_path: Path) -> None:
     jobs = jobs_at_random(name, 40)

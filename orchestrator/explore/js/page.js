@@ -12,6 +12,7 @@ import { Explorer } from "./explorer.js";
 import { drawHistogram } from "./histogram.js";
 import { PathEditor } from "./path.js";
 import { length } from "./phrases.js";
+import { showReach } from "./reach.js";
 import { ReceiverChoice } from "./receivers.js";
 import { SettingsList } from "./settings.js";
 import { Changes } from "./changes.js";
@@ -153,9 +154,21 @@ class Page {
     const turn = ++this.turn;
     document.body.classList.add("computing");
     showBuy(null);
-    const take = (summary) => { if (summary && turn === this.turn) this.take(summary, main); };
+    let possible = null, last = null;
+    const compare = () => showReach(possible, last, main);
+    compare();
+    const take = (summary) => {
+      if (!summary || turn !== this.turn) return;
+      this.take(last = summary, main);
+      compare();
+    };
     try {
-      const summary = await explorer.dives(Number($("count").value), take);
+      const known = explorer.possible().then((it) => { // while workers do the dives
+        if (turn !== this.turn) return;
+        possible = it;
+        compare();
+      });
+      const [summary] = await Promise.all([explorer.dives(Number($("count").value), take), known]);
       if (!summary || turn !== this.turn) return;
       take(summary);
       const found = await explorer.causes((part) => this.takeCauses(part, turn));

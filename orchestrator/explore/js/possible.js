@@ -81,8 +81,9 @@ export function possibleOf(conditions, { record, instants, labels }) {
 
 /**
  * What was possible in several dives: { dives, each, receivers: { label: { kind, accuracy, absolute,
- * relative [m], bearing [rad], timed, without, leftOut: { words: m }, all [m] } } }. leftOut: the errors
- * that are left out, if they matter; all: what is possible with them, NaN if that is not known.
+ * relative [m], bearing [rad], bearingOnly, timed, without, leftOut: { words: m }, all [m] } } }.
+ * leftOut: the errors that are left out, if they matter; all: what is possible with them, NaN if that is
+ * not known; bearingOnly: whether no distance is known.
  */
 export function togetherOf(each, facts) {
   const labels = [...new Set(each.flatMap((it) => Object.keys(it.receivers)))];
@@ -90,11 +91,12 @@ export function togetherOf(each, facts) {
     const own = each.map((it) => it.receivers[label]).filter((it) => it), [{ kind, timed, without }] = own;
     const mean = (of) => own.reduce((sum, it) => sum + of(it), 0) / own.length;
     const [absolute, relative] = ["absolute", "relative"].map((frame) => Math.sqrt(mean((it) => it[frame] ** 2)));
-    const accuracy = mean((it) => Number(it.accuracy)) >= 0.5;
+    const accuracy = mean((it) => Number(it.accuracy)) >= 0.5, bearing = median(own.map((it) => it.bearing));
     const squares = own[0].leftOut.map(({ words }, i) =>
       ({ words, square: mean((it) => it.leftOut[i].square) }));
     return [label, {
-      kind, timed, without, accuracy, absolute, relative, bearing: median(own.map((it) => it.bearing)),
+      kind, timed, without, accuracy, absolute, relative, bearing,
+      bearingOnly: !accuracy && bearing <= facts.most_bearing,
       leftOut: accuracy ? mattering(absolute, squares, facts.matters) : {},
       all: Math.sqrt(squares.reduce((sum, it) => sum + it.square, absolute ** 2)),
     }];

@@ -63,5 +63,5 @@ export function showBuy(found, own) {
 /** What screen readers are told when all is known. */
 export function tell(within, main) {
   put($("told"), `95 % of the time you are within ${length(within)}, with ${main}. `
-    + `Buy first: ${$("buy").textContent}, ${$("then").textContent}. ${$("claim").textContent}`);
+    + `Buy first: ${$("buy").textContent}, ${$("then").textContent}. ${$("claim").textContent} ${$("reach").textContent}`);
 }
