@@ -106,6 +106,89 @@ def test_settings_at_random(told: Mapping[str, Any], count: int, tmp_path: Path)
     assert compared > 0.9 * count
 
 
+ECHOES = {
+    "target.trajectory": "circle", "acoustics.water_depth_m": 30.0,
+    "acoustics.surface_echo_probability": 0.6, "acoustics.bottom_echo_probability": 0.4,
+}
+TURNED = {
+    "platform.imu_misalignment_deg": [2.0, -3.0, 4.0], "platform.imu_tilt_scale_factor_error": 0.2,
+    "platform.imu_heading_scale_factor_error": 0.5, "platform.imu_tilt_drift_deg_s": 0.1,
+    "platform.imu_heading_temperature_coefficient_deg_K": 0.4,
+    "platform.imu_temperature_offset_K": 9.0, "platform.imu_temperature_rate_K_s": 0.1,
+    "platform.imu_tilt_step_deg": 5.0, "platform.imu_step_time_s": 30.0,
+}  # fmt: skip
+STILL = {
+    key: 0.0 for name, keys in (("motions", facts()["motions"]["sines"]),
+                                ("sensors", facts()["sensors"])) for key in keys
+    if not key.endswith(("antenna_offset_m", "misalignment_deg"))
+}
+CASES: Mapping[str, Mapping[str, Any]] = {
+    "echoes": ECHOES,
+    "echoes of both legs": {**ECHOES, "acoustics.ranging": "two_way"},
+    "a shadow": {**ECHOES, "acoustics.shadow_loss_probability": 0.9,
+                 "acoustics.shadow_direction_deg": 160.0},
+    "answers": {"acoustics.ranging": "two_way", "acoustics.turnaround_std_s": 0.001,
+                "acoustics.turnaround_beacon_std_s": 0.002},
+    "late ranges": {"acoustics.outlier_probability": 0.3, "acoustics.outlier_mean_m": 0.4,
+                    "acoustics.outlier_distribution": "half_normal"},
+    "an attitude that is wrong": TURNED,
+    "an attitude that is wrong in a sea": {**TURNED, "platform.motion": "spectrum",
+                                           "platform.beaufort": 4},
+    "mounting": {"platform.mounting_std_m": 0.2, "platform.mounting_error_m": [
+        [0.3, 0.0, 0.1], [0.0, -0.4, 0.0], [0.1, 0.1, 0.1], [0.0, 0.0, 0.5]]},
+    "a boat": {"platform.boat_speed_m_s": 0.3, "platform.boat_course_deg": 70.0,
+               "platform.mounting_std_m": 0.3},
+    "buoys": {"platform.gps_shared": False},
+    "a survey": {**{f"platform.{key}": value for key, value in STILL.items()},
+                 "platform.mounting_std_m": 0.1},
+    "all hear a ping": {"acoustics.ranging": "inverted", "acoustics.range_common_std_m": 0.2,
+                        "acoustics.arrivals_shared": True},
+    "bearings alone": {"acoustics.ranging": "inverted", "acoustics.common_clock": False,
+                       "platform.arm_length_m": 0.3},
+    "own positions in packets": {"acoustics.packet_content": "own_beacon"},
+    "their own positions used": {"receiver.pose_source": "own_beacon"},
+    "a known start": {"receiver.prior": "true", "receiver.prior_position_std_m": 0.5},
+    "a drawn motion": {"target.trajectory": "white_noise_acceleration",
+                       "target.acceleration_psd_m2_s3": 0.02},
+    "no bearing": {"platform.arm_length_m": 0.05, "target.speed_m_s": 1.0},
+    "slow platform": {"platform.interval_s": 0.5, "target.interval_s": 0.25,
+                      "time.ekf_ratio": 3},
+}  # fmt: skip
+
+
+def test_settings_that_decide(told: Mapping[str, Any], tmp_path: Path) -> None:
+    """All change what is possible, or what is left out."""
+    jobs = [
+        {"settings": {"given": {"time.duration_s": 60.0, **given}, "receivers": ["coupled"]},
+         "ask": ["toml"], "possible": 1} for given in ({}, *CASES.values())
+    ]  # fmt: skip
+    plain = None
+    for name, answer in zip(("plain", *CASES), answers(told, jobs, tmp_path), strict=True):
+        assert answer["refused"] is None, (name, answer["refused"])
+        same(answer["possible"], in_python(answer, tmp_path, ["coupled"]))
+        assert answer["possible"]["receivers"] != plain, name
+        plain = plain or answer["possible"]["receivers"]
+
+
+@pytest.mark.parametrize(("first", "given"), [
+    ("ekf", {"acoustics.turnaround_beacon_std_s": 0.002}),
+    ("multilateration", {"receiver.initialisation": "prior", "receiver.prior_position_std_m": 0.5}),
+])  # fmt: skip
+def test_settings_that_do_not_count(
+    told: Mapping[str, Any], first: str, given: Mapping[str, Any], tmp_path: Path
+) -> None:
+    """Of ranging that is not used, or of a receiver that is not the first one."""
+    receivers = [first, "coupled"]
+    jobs = [
+        {"settings": {"given": {"time.duration_s": 60.0, **own}, "receivers": receivers},
+         "ask": ["toml"], "possible": 1} for own in ({}, given)
+    ]  # fmt: skip
+    plain, other = answers(told, jobs, tmp_path)
+    for it in (plain, other):
+        same(it["possible"], in_python(it, tmp_path, receivers))
+    assert other["possible"]["receivers"][first] == plain["possible"]["receivers"][first]
+
+
 @pytest.mark.parametrize("name", few(
     [it for it in shipped() if it != "usbl-boat"], quick=["paper-scenario-3", "realistic-sea"]
 ))  # fmt: skip
