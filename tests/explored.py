@@ -8,12 +8,16 @@ import random
 import re
 import shutil
 import subprocess
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from sblcosim.errors import SblcosimError
 from sblcosim.explore.declarations import declarations
+from sblcosim.prepare.scenario import of_scenario
+from sblcosim.scenario.scenario import Scenario, load
 from sblcosim.scenario.schema import toml
 
 NODE = shutil.which("node")
@@ -46,6 +50,9 @@ def plain(message: str, name: str) -> list[str]:
     return sorted({re.sub(rf"^{name}(\.toml)?: ", "", it) for it in lines})
 
 
+UNUSUAL = ("acoustics.temperature_C", "acoustics.profile_temperature_C")
+"""Keys that a page refuses, though the command line takes them."""
+LONG = ("sampling_time_s", "interval_s", "duration_s", "ekf_ratio")
 KEYS = [it for it in declarations() if it["table"] != "place" and it["key"] != "type"]
 
 
@@ -58,6 +65,27 @@ def drawn(numbers: random.Random, count: int, keys: Sequence[Mapping[str, Any]] 
           ) -> dict[str, Any]:
     """Some keys with a value that their declaration accepts."""
     return {it["path"]: a_value(it, numbers) for it in numbers.sample([*keys], count)}
+
+
+def settings(numbers: random.Random, count: int, without: tuple[str, ...] = ()) -> dict[str, Any]:
+    """Some keys at random, for the number of beacons that the page has."""
+    keys = [
+        it for it in KEYS
+        if it["path"] not in UNUSUAL and it["key"] not in (*without, "beacons", "beacon_m")
+    ]
+    return drawn(numbers, count, keys)
+
+
+def loaded(name: str, given: Mapping[str, Any], receivers: tuple[str, ...]) -> Scenario | str:
+    """A scenario with these keys, or why it is refused."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            found = load(name, given.items())
+            of_scenario(found, receivers)
+        except SblcosimError as error:
+            return str(error)
+    return found
 
 
 def a_value(key: Mapping[str, Any], numbers: random.Random) -> Any:

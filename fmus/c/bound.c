@@ -238,6 +238,22 @@ void PASTE(bound_, LANES)(const struct bound_task *task)
 }
 
 #if LANES == 1
+static int is_impossible(const struct bound_task *t)
+{
+    const int32_t n_models = sizeof models / sizeof *models;
+    return t->model < 0 || t->model >= n_models || t->beacons < 0 || t->beacons > MOST_BEACONS;
+}
+
+#if defined(__wasm__)
+__attribute__((export_name("sblcosim_bound"))) bound_entry sblcosim_bound;
+int32_t sblcosim_bound(uint32_t lanes, const struct bound_task *t)
+{
+    if (lanes > 1 || is_impossible(t))
+        return 1;
+    bound_1(t);
+    return 0;
+}
+#else
 #include "widest.h"
 
 void bound_2(const struct bound_task *task);
@@ -249,10 +265,7 @@ void bound_8(const struct bound_task *task);
 extern EXPORT bound_entry sblcosim_bound;
 int32_t sblcosim_bound(uint32_t lanes, const struct bound_task *t)
 {
-    const int32_t n_models = sizeof models / sizeof *models;
-    if (t->model < 0 || t->model >= n_models || t->beacons < 0 || t->beacons > MOST_BEACONS)
-        return 1;
-    if (lanes > widest())
+    if (lanes > widest() || is_impossible(t))
         return 1;
     switch (lanes ? lanes : t->divers == 1 ? 1 : widest()) {
     case 1: bound_1(t); return 0;
@@ -264,4 +277,5 @@ int32_t sblcosim_bound(uint32_t lanes, const struct bound_task *t)
     default: return 1;
     }
 }
+#endif
 #endif

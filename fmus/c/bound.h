@@ -11,7 +11,7 @@
 enum bound_model {
     BOUND_PLATFORM = 0, /* beacons on a platform with sensors: that of the receiver coupled */
     BOUND_FIELD = 1,    /* beacons with errors of their own: that of long_baseline */
-    BOUND_ARRAY = 2     /* beacons that hear the diver's ping: that of array */
+    BOUND_ARRAY = 2     /* as BOUND_PLATFORM, where all beacons hear a ping: that of array */
 };
 
 /* Arrays are row by row, in m, s and rad, positions in NED. */

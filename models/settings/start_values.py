@@ -11,8 +11,19 @@ from functools import cache
 from typing import Any
 
 from .. import RECEIVERS, declared
+from ..acoustics.schedules import schedule_of
 from ..declaration import Component, Variable
-from .assumptions import PARAMETERS, assumed, clock, knowledge, levels
+from .assumptions import (
+    PARAMETERS,
+    assumed,
+    clock,
+    common_noise,
+    knowledge,
+    lasting_delay,
+    levels,
+    range_noise,
+    with_common,
+)
 from .boat import heading
 from .either import where
 from .expression import Expression, computed, inputs_of, ordered, symbol
@@ -41,12 +52,15 @@ class StartValues:
     optional
         Keys that need not be given: NaN then stands for each of their elements. All others have a
         value, by default their start value.
+    levels
+        What a bound needs besides parameters of receivers; see `_levels`.
     """
 
     inputs: tuple[str, ...]
     computed: _Values
     copied: Mapping[str, str]
     optional: frozenset[str]
+    levels: Mapping[str, Expression]
 
     @property
     def keys(self) -> Mapping[str, Sequence[str]]:
@@ -96,9 +110,10 @@ def start_values(beacons: int) -> StartValues:
                 copied[f"{name}.{variable.name}"] = path
             else:
                 found[f"{name}.{variable.name}"] = values
-    inputs = inputs_of(*(it for values in found.values() for it in values))
+    needed = _levels(_tables(known, filled, beacons)[-1], beacons)
+    inputs = inputs_of(*(it for values in found.values() for it in values), *needed.values())
     return StartValues(
-        tuple(sorted(inputs, key=order.__getitem__)), found, copied, frozenset(optional)
+        tuple(sorted(inputs, key=order.__getitem__)), found, copied, frozenset(optional), needed
     )
 
 
@@ -147,10 +162,7 @@ def _told(
     known: Mapping[str, Component], filled: _Values, beacons: int
 ) -> Mapping[_Kind, _Values]:
     """What each kind of receiver is told, by keys of ``[receiver]``, in SI units."""
-    values = {path: it[0] for path, it in filled.items()}
-    tables = [
-        TableOfInputs(name, known[name].of("parameter"), {}, values, beacons) for name in TABLES
-    ]
+    tables = _tables(known, filled, beacons)
     kinds = {_kind(known[name]) for name in RECEIVERS}
     sources = OF_RECEIVERS["pose_source"]
     given = symbol("receiver.pose_source")
@@ -158,6 +170,15 @@ def _told(
     for name, value in names_of(sources).items():
         found = chosen(given == value, _told_with(name, kinds, *tables), found)
     return found
+
+
+def _tables(
+    known: Mapping[str, Component], filled: _Values, beacons: int
+) -> list[TableOfInputs]:
+    values = {path: it[0] for path, it in filled.items()}
+    return [
+        TableOfInputs(name, known[name].of("parameter"), {}, values, beacons) for name in TABLES
+    ]
 
 
 @branching
@@ -177,3 +198,22 @@ def _told_with(
             for key, value in values.items()
         }
     return found
+
+
+# --- What a bound needs --------------------------------------------------------------------------
+
+
+@branching
+def _levels(acoustics: Any, beacons: int) -> dict[str, Any]:
+    """White noise of ranges, what a ping shares, what lasts for each beacon [m]; slots of a round.
+
+    ``range_noise`` is without what a ping shares, ``noise`` with it.
+    """
+    noise = range_noise(acoustics)
+    return {
+        "range_noise": noise,
+        "noise": with_common(noise, acoustics),
+        "common_noise": common_noise(acoustics),
+        "lasting_delay": lasting_delay(acoustics),
+        "slots": beacons / schedule_of(acoustics).together(beacons),
+    }

@@ -8,6 +8,7 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
+from sblcosim.fmus.build import bound
 from sblcosim.fmus.platforms import WASM
 from sblcosim.models import RECEIVERS
 from sblcosim.models.acoustics.contents import CONTENTS, PLACED
@@ -30,6 +31,7 @@ from ..scenario.tracks import follows
 from ..simulation.plans.plan import LAG
 from ..style import LINES, THEMES
 from ..wasm import modules
+from . import bounds
 from .declarations import declarations
 from .parts import parts
 
@@ -98,6 +100,7 @@ def contents(
         "words": {"lost": LOST, "misleading": MISLEADING},
         "systems": {str(count): _system(count, types) for count in counts},
         "rules": _rules(scenario),
+        "bound": bounds.facts(),
         "sources": [_source(it) for it in SOURCES.values()],
         "modules": _modules(counts, types, lanes),
         "dive": None if dive is None else document(scenario, receivers, dive),
@@ -192,9 +195,12 @@ def _system(beacons: int, types: Sequence[str]) -> dict[str, Any]:
     names = {*CORE_COMPONENTS, *types}
     described = settings.description(beacons)
     computed = {
-        kind: {it: own for it, own in described[kind].items() if it.partition(".")[0] in names}
-        for kind in ("values", "copies")
+        kind: {
+            it: own for it, own in described[kind].items()
+            if it.partition(".")[0] in names or it in bounds.PARAMETERS
+        } for kind in ("values", "copies")
     }
+    computed["values"] |= {f"levels.{it}": [place] for it, place in described["levels"].items()}
     return {
         "parts": parts(types, beacons=beacons, **POINTS),
         "defaults": {name: dict(starts(name, beacons)) for name in CORE_COMPONENTS},
@@ -208,7 +214,8 @@ def _source(source: Source) -> dict[str, Any]:
         "name": source.name, "words": source.words,
         "parts": [
             {"keys": [*it.keys], "better": [[*level] for level in it.better.items()],
-             "off": it.off, "about": it.about, "relative": it.relative}
+             "off": it.off, "about": it.about, "relative": it.relative,
+             "unmodelled": [*it.unmodelled]}
             for it in source.parts
         ],
     }
@@ -272,7 +279,7 @@ def _modules(
     counts: Sequence[int], types: Sequence[str], lanes: Collection[int]
 ) -> dict[str, str]:
     """WebAssembly by its use, number of beacons and of lanes; compressed, as base64."""
-    found = {}
+    found = {"bound": packed(bound.library(platform=WASM))}
     for count in counts:
         found[f"settings.{count}"] = packed(settings.library(count, platform=WASM))
         for lane in lanes:
@@ -287,7 +294,8 @@ def ready(
 ) -> dict[str, Path]:
     """The modules of pages with the usual receivers, by cache key and name of the file."""
     types = [it for it in RECEIVERS if it in COMPARED]
-    found = {}
+    file = bound.library(platform=WASM)
+    found = {f"{bound.key(WASM)}/{file.name}": file}
     for count in counts:
         file = settings.library(count, platform=WASM)
         found[f"{settings.key(count, WASM)}/{file.name}"] = file

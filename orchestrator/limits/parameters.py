@@ -30,7 +30,7 @@ from .steady import Conditions
 
 Floats = NDArray[np.float64]
 
-_RECEIVERS = {"platform": COUPLED, "field": LONG_BASELINE, "array": ARRAY}
+RECEIVERS = {"platform": COUPLED, "field": LONG_BASELINE, "array": ARRAY}
 """The receiver whose model the bound uses."""
 
 
@@ -76,7 +76,7 @@ def model_of(
     a = scenario.acoustics
     name = "field" if own_errors else "array" if a.ranging in INVERTED else "platform"
     return ReceiverModel(
-        name, parameters(scenario, acceleration_psd, _RECEIVERS[name]),
+        name, parameters(scenario, acceleration_psd, RECEIVERS[name]),
         {
             "pings": 1.0,
             "speed": a.assumed_sound_speed_m_s / a.sound_speed_m_s - 1,

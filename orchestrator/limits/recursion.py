@@ -92,7 +92,7 @@ class ReceiverModel:
         return np.array([*given, *(self.situation[name] for name in SITUATION)], float)
 
 
-class _Task(ctypes.Structure):
+class BoundTask(ctypes.Structure):
     """``struct bound_task`` of bound.h."""
 
     _fields_ = (
@@ -107,7 +107,7 @@ class _Task(ctypes.Structure):
 @cache
 def _entry() -> Any:
     entry = ctypes.CDLL(str(library.library())).sblcosim_bound
-    entry.argtypes, entry.restype = (ctypes.c_uint32, ctypes.POINTER(_Task)), ctypes.c_int32
+    entry.argtypes, entry.restype = (ctypes.c_uint32, ctypes.POINTER(BoundTask)), ctypes.c_int32
     return entry
 
 
@@ -165,7 +165,7 @@ def covariances(
     pointers: dict[str, NDArray[Any]] = {
         **arrays, "keep": wanted, "absolute": absolute, "relative": relative
     }
-    task = _Task(
+    task = BoundTask(
         [*BOUNDS].index(model.name), count, n, m, len(wanted),
         **{name: array.ctypes.data for name, array in pointers.items()},
     )

@@ -30,8 +30,9 @@ _PORTS = (
     "target.position", "target.velocity", "target.depth_epoch", "platform.position",
     "platform.attitude", "acoustics.range_epoch", "acoustics.reception_count",
 )  # fmt: skip
-MOST_EPOCHS = 20_000
 """Outputs of a run that `of_run` reads."""
+MOST_EPOCHS = 20_000
+"""Instants of a run and epochs of its estimates are at most twice as many, or it takes too long."""
 
 
 @interruptible

@@ -126,6 +126,20 @@ def errors_of(platform: Any) -> Beacons | None:
     return "platform" if shares_errors(platform) else None
 
 
+def keys_of_errors(kind: Any) -> dict[str, Any]:
+    """Keys of a platform's motion, by its kind, and of what makes beacons share errors.
+
+    Parameters
+    ----------
+    kind
+        Class of the table.
+    """
+    return {
+        "motions": {name: [*_matching(kind, it)] for name, it in _MOTION.items()},
+        "sensors": [*_matching(kind, _SENSORS)],
+    }
+
+
 @cache
 def _matching(kind: Any, pattern: str) -> tuple[str, ...]:
     """The keys of a table's class that match this pattern."""

@@ -68,7 +68,8 @@ def sources(beacons: int) -> dict[str, bytes]:
 
 def values_of(found: StartValues) -> tuple[Expression, ...]:
     """What the module computes, in its order; equal values only once."""
-    return tuple(dict.fromkeys(it for values in found.computed.values() for it in values))
+    of_parameters = (it for values in found.computed.values() for it in values)
+    return tuple(dict.fromkeys([*of_parameters, *found.levels.values()]))
 
 
 def description(beacons: int) -> dict[str, Any]:
@@ -79,9 +80,10 @@ def description(beacons: int) -> dict[str, Any]:
     dict
         ``keys``: names of its inputs, in order. ``optional``: keys that need not be given; NaN
         stands for them. ``values``: parameters that it computes, and for each of their elements
-        the place in its output. ``copies``: parameters that are the value of a key. ``depends``:
-        the keys that each computed parameter depends on. ``unknown``: parameters that may be NaN,
-        and the keys that decide this.
+        the place in its output. ``levels``: what a bound needs besides, and its places.
+        ``copies``: parameters that are the value of a key. ``depends``: the keys that each computed
+        parameter depends on. ``unknown``: parameters that may be NaN, and the keys that decide
+        this.
     """
     found = start_values(beacons)
     place = {it: number for number, it in enumerate(values_of(found))}
@@ -89,6 +91,7 @@ def description(beacons: int) -> dict[str, Any]:
         "beacons": beacons,
         "keys": [*found.inputs],
         "values": {name: [place[it] for it in own] for name, own in found.computed.items()},
+        "levels": {name: place[it] for name, it in found.levels.items()},
         "copies": dict(found.copied),
         "optional": sorted(found.optional),
         "depends": {name: [*keys] for name, keys in found.keys.items()},

@@ -42,7 +42,7 @@ async function replayed(explorer, { file, given, receivers }) {
   }
 }
 
-async function answered({ settings, link, ask = [], steps = [], dives = 0, causes = 0, water, replay, by = "here" }) {
+async function answered({ settings, link, ask = [], steps = [], dives = 0, causes = 0, possible = 0, water, replay, by = "here" }) {
   const explorer = explorers[by];
   explorer.reset();
   const refused = explorer.apply(link ? Explorer.settingsOf(link) : settings ?? {});
@@ -58,6 +58,7 @@ async function answered({ settings, link, ask = [], steps = [], dives = 0, cause
   if (dives) found.dives = await explorer.dives(dives);
   if (causes) found.causes = await explorer.causes(() => {}, causes);
   if (replay) found.replay = await replayed(explorer, replay);
+  if (possible) found.possible = await explorer.possible(possible);
   if (water) found.water = await explorer.water(water);
   return found;
 }

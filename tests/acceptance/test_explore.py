@@ -15,14 +15,26 @@ from typing import Any
 import numpy as np
 import pytest
 import sblcosim
-from explored import KEYS, MODULES, NODE, SCRIPT, answers, as_typed, drawn, plain, values
+from explored import (
+    KEYS,
+    LONG,
+    MODULES,
+    NODE,
+    SCRIPT,
+    UNUSUAL,
+    answers,
+    as_typed,
+    loaded,
+    plain,
+    settings,
+    values,
+)
 from quick import few
 from sblcosim.comparison.budget import sources
 from sblcosim.comparison.many.run import run_many
 from sblcosim.errors import ConfigurationError, SblcosimError
 from sblcosim.explore.contents import contents, is_possible
 from sblcosim.fmus.build import compiler
-from sblcosim.prepare.scenario import of_scenario
 from sblcosim.scenario.scenario import Scenario, load
 from sblcosim.scenario.schema import FILES, TABLES
 from sblcosim.web.playback import of_record
@@ -34,9 +46,6 @@ pytestmark = [
 ]
 NAME = "realistic-dive"
 CHOICES = (("coupled", "ekf"), ("ekf",), ("coupled",), ("multilateration", "coupled"))
-UNUSUAL = ("acoustics.temperature_C", "acoustics.profile_temperature_C")
-"""Keys that a page refuses, though the command line takes them."""
-LONG = ("sampling_time_s", "interval_s", "duration_s", "ekf_ratio")
 
 
 @pytest.fixture(scope="module")
@@ -44,25 +53,9 @@ def told() -> Mapping[str, Any]:
     return contents(load(NAME), lanes=(2,))
 
 
-def settings(numbers: random.Random, count: int, without: tuple[str, ...] = ()) -> dict[str, Any]:
-    """Some keys at random, for the number of beacons that the page has."""
-    keys = [
-        it for it in KEYS
-        if it["path"] not in UNUSUAL and it["key"] not in (*without, "beacons", "beacon_m")
-    ]
-    return drawn(numbers, count, keys)
-
-
 def in_python(given: Mapping[str, Any], receivers: tuple[str, ...]) -> Scenario | str:
     """The scenario with these keys, or why it is refused."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        try:
-            found = load(NAME, given.items())
-            of_scenario(found, receivers)
-        except SblcosimError as error:
-            return str(error)
-    return found
+    return loaded(NAME, given, receivers)
 
 
 # --- The same numbers ----------------------------------------------------------------------------

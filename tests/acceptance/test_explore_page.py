@@ -231,6 +231,65 @@ def test_receivers_are_compared_and_chosen_where_they_are_compared(
     assert shown["short"] == ["coupled or ekf", "no difference that is clear of chance"]
 
 
+def test_what_is_possible_is_beside_errors_of_the_same_kind(
+    browsing: Callable[..., Tab], tmp_path: Path
+) -> None:
+    """RMS errors: of the first dives what is possible, of all dives what receivers have."""
+    shown = browsing().run(f"""{HELPERS}
+      change($("count"), "{DIVES}");
+      change(field("acoustics.loss_probability").querySelector("input[type=text]"), "0.6");
+      await settle();
+      await computed();
+      const shown = ["possible", "reached", "reach", "told"].map((id) => [id, $(id).textContent]);
+      return {{ toml: page.explorer.toml(), ...Object.fromEntries(shown) }};
+    """)
+    (tmp_path / "scenario.toml").write_text(shown["toml"])
+    scenario = load(tmp_path / "scenario.toml")
+    assert scenario.acoustics.loss_probability == 0.6
+    squares = [
+        sblcosim.run(scenario.override({"seed": scenario.seed + i}), ["coupled", "ekf"])
+        .verdicts["coupled"].absolute_rms ** 2 for i in range(8)
+    ]  # fmt: skip
+    best = np.mean(squares) ** 0.5
+    many = run_many(scenario, ("coupled", "ekf"), runs=DIVES).runs
+    rms = {it: many.level(NAME, it)["rms_over_runs"] for it in ("coupled", "ekf")}
+    assert shown["possible"] == f"{best:.1f} m"
+    assert shown["reached"] == f"possible RMS error; coupled has {rms['coupled']:.1f} m"
+    assert (
+        f"RMS error of about {best:.1f} m. Here, coupled has {rms['coupled']:.1f} m, "
+        f"ekf {rms['ekf']:.1f} m and raw"
+    ) in shown["reach"]
+    assert shown["told"].endswith(shown["reach"])
+
+
+REACHED = (
+    ({"platform.mounting_std_m": 0.5}, "2.1 m", "leaves out where the beacons are mounted; with"),
+    ({"platform.arm_length_m": 0.05, "target.speed_m_s": 1.0}, "none",
+     "places all around the platform fit."),
+    ({"acoustics.ranging": "inverted", "acoustics.common_clock": False,
+      "platform.arm_length_m": 0.3}, "none", "without a common clock, only the bearing is known"),
+    ({"acoustics.loss_probability": 1.0}, "–", "and coupled has none."),
+    ({"time.duration_s": 25_000.0}, "–", "for dives of up to 40,000 instants and estimates."),
+)  # fmt: skip
+"""Keys, and what a page then shows."""
+
+
+def test_a_page_says_why_nothing_is_possible(browsing: Callable[..., Tab]) -> None:
+    tab = browsing()
+    for given, figure, words in REACHED:
+        found = tab.run(f"""{HELPERS}
+          page.explorer.reset();
+          const refused = page.explorer.apply({{ given: {json.dumps(given)} }});
+          $("reach").textContent = "…";
+          page.changed();
+          await settle();
+          await until(() => $("reach").textContent !== "…");
+          return [refused, $("possible").textContent, $("reach").textContent];
+        """)
+        assert found[:2] == [None, figure], (given, found)
+        assert words in found[2], found
+
+
 def test_what_limits_the_receiver_and_what_to_buy_first_are_those_of_its_causes(
     browsing: Callable[..., Tab]
 ) -> None:

@@ -20,6 +20,7 @@ from sblcosim.errors import ConfigurationError
 from sblcosim.fmus.build import compiler
 from sblcosim.fmus.platforms import WASM
 from sblcosim.models import RECEIVERS, declared
+from sblcosim.models.acoustics.schedules import schedule_of
 from sblcosim.models.declaration import Component, Variable
 from sblcosim.models.ports import BEACONS
 from sblcosim.models.settings import assumptions, boat, keys, times
@@ -86,7 +87,13 @@ def described(beacons: int) -> Mapping[str, Any]:
 
 
 def length_of(beacons: int) -> int:
-    return 1 + max(max(places) for places in described(beacons)["values"].values())
+    return 1 + max(max(places) for places in every_place(beacons).values())
+
+
+def every_place(beacons: int) -> Mapping[str, Any]:
+    """Places of all results, by parameter, or by the name of what a bound needs."""
+    found = described(beacons)
+    return {**found["values"], **{name: [place] for name, place in found["levels"].items()}}
 
 
 def bits(values: np.ndarray) -> np.ndarray:
@@ -196,13 +203,21 @@ def of_python(drawn: Settings) -> Elements:
                 value = told.get(v.key) if v.key in told else start(name, drawn.beacons, v.name)
             value = keys.in_si(v, value)
             found[f"{name}.{v.name}"] = value if isinstance(value, tuple) else (value,)
-    return found
+    noise = assumptions.range_noise(drawn.acoustics)
+    together = schedule_of(drawn.acoustics).together(drawn.beacons)
+    levels = {
+        "range_noise": noise, "noise": assumptions.with_common(noise, drawn.acoustics),
+        "common_noise": assumptions.common_noise(drawn.acoustics),
+        "lasting_delay": assumptions.lasting_delay(drawn.acoustics),
+        "slots": drawn.beacons / together,
+    }  # fmt: skip
+    return {**found, **{name: (value,) for name, value in levels.items()}}
 
 
 def expected(found: Elements, beacons: int) -> np.ndarray:
     """The values that the module should compute, in its order."""
     values = np.full(length_of(beacons), np.nan)
-    for name, places in described(beacons)["values"].items():
+    for name, places in every_place(beacons).items():
         for place, value in zip(places, found[name], strict=True):
             assert np.isnan(values[place]) or values[place] == value, name
             values[place] = value
@@ -240,7 +255,7 @@ def test_settings_at_random_have_the_same_bits(beacons: int, cases: int, tmp_pat
         other = (bits(found) != bits(wanted)) & ~missing
         assert not other.any(), [
             (name, found[other][:3], wanted[other][:3])
-            for name, places in described(beacons)["values"].items() if other[:, places].any()
+            for name, places in every_place(beacons).items() if other[:, places].any()
         ][:5]
         done, known = done + len(some), known + sum(calm)
     assert known > 0.8 * cases

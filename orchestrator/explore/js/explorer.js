@@ -42,7 +42,9 @@
 //                              goes away of the 95 % error without a cause; better: { words, gain,
 //                              interval, clear } of better equipment, or null; first: the name of the
 //                              cause whose better equipment gains most, clear of chance, or null
-//   possible()                 null: not part of a page
+//   possible(count)            async, what was possible in the first dives; { dives, receivers: { label:
+//                              { kind, accuracy, absolute, relative [m], with [m], leftOut: { words: m },
+//                              … } } }; without receivers and with a sentence `why` if there is none
 //   water(grid, onPart, wanted) async, of the first receiver; 95 % error by place:
 //                              { north, east, size, depth, values, n, done }; null as soon as
 //                              `wanted()` no longer says true
@@ -52,8 +54,10 @@ import { Engine, Pool } from "../../wasm/engine.js";
 import { problemsOf, problemsOfTimes } from "./checks.js";
 import { beaconsOf, filled } from "./filling.js";
 import { brief, nanoseconds, textOf, written } from "./numbers.js";
-import { causesOf, switchesOf } from "./limits.js";
+import { Bound } from "./bound.js";
+import { causesOf, hasEffect, switchesOf } from "./limits.js";
 import { waterOf } from "./places.js";
+import { conditionsOf, isNeeded, possibleOf, togetherOf } from "./possible.js";
 import { assembled, countOf, stopOf } from "./plans.js";
 import { isDrawn, runOf } from "./record.js";
 import { replayed } from "./recorded.js";
@@ -64,13 +68,14 @@ import { Refusal, fileOf, valueOf } from "./values.js";
 
 const CORE = ["target", "platform", "acoustics"], RAW = "raw", FIX = "multilateration";
 const SEED = { path: "seed", table: "", key: "seed", kind: "integer" };
-const PATH = "path", WAYPOINTS = "waypoints";
+const PATH = "path", WAYPOINTS = "waypoints", SOURCE = "receiver.pose_source";
 const MOST_INSTANTS = 100_000; // whose record fits into memory
 const CAUSES = 128, TOTAL = 1; // dives without each cause; the length of an error: see LENGTHS
+const POSSIBLE = 8, MOST_POSSIBLE = 20_000; // dives of which is said what was possible, and their instants
 const PART = 32; // dives that a worker does before it shows them
 
 export class Explorer {
-  #data; #given; #loaded; #receivers; #loadedReceivers; #seed; #state;
+  #data; #bound; #given; #loaded; #receivers; #loadedReceivers; #seed; #state;
   #pending = new Map();
   #settings = new Map(); // by number of beacons
   #engines = new Map();
@@ -81,6 +86,7 @@ export class Explorer {
     const explorer = new Explorer(contents, makeWorker, workers);
     const own = beaconsOf(contents, explorer.#given);
     await explorer.#ready(own);
+    explorer.#bound = await Bound.load(await unpacked(contents.modules.bound), contents.bound.task);
     explorer.loaded = Promise.all(explorer.counts.map((it) => explorer.#ready(it)));
     const problem = explorer.#try(explorer.#given, explorer.#receivers, explorer.#seed);
     if (problem.length) throw new Error(problem.map((it) => it.message).join("\n"));
@@ -589,7 +595,36 @@ export class Explorer {
     return state === this.#state ? engine.run(plan, seeds, PERCENTAGES) : null;
   }
 
-  possible() { return null; }
+  /** What was possible in the first dives, as of `sblcosim run`; see the head of this file. */
+  async possible(count = POSSIBLE) {
+    const state = this.#state, conditions = this.#conditions(state), found = [];
+    for (let i = 0; i < count; i++) {
+      await new Promise((done) => setTimeout(done));
+      if (state !== this.#state) return null;
+      const { plan: { instants, receivers: labels }, values: record } = this.record(state.seed + i, isNeeded);
+      found.push(possibleOf(conditions, { record, instants, labels }));
+      if (found[0].why) return found[0];
+      count = Math.min(count, Math.ceil(MOST_POSSIBLE / instants.length));
+    }
+    return togetherOf(found, conditions.facts);
+  }
+
+  // What is needed to know what was possible in a dive: see `possible.js`.
+  #conditions({ values, given, beacons, told, chosen: [{ type }], times: { interval } }) {
+    const { bound: facts, rules, sources } = this.#data, known = rules.receiver_keys[type];
+    const has = (path) => !path.startsWith("receiver.") || known.includes(this.byPath.get(path).key);
+    const of = (path) => has(path) ? values.get(path) : undefined;
+    const own = new Map([...given].filter(([path]) =>
+      has(path) && (path === SOURCE || !path.startsWith("receiver."))));
+    return conditionsOf({
+      bound: this.#bound, facts, legs: rules.legs, sources, of, beacons, interval: interval.target,
+      starts: this.#settings.get(beacons).computed(values, own, this.#numbers),
+      hasEffect: (path) => hasEffect({ byPath: this.byPath }, values, path),
+      knownStart: told || of("receiver.initialisation") === "prior",
+      ownBeacon: rules.contents[of("acoustics.packet_content")].only_own
+        || (type === "coupled" && of(SOURCE) === "own_beacon"),
+    });
+  }
 
   /** Stop: results of what runs now are never delivered. */
   cancel() { if (this.#state) this.#state = { ...this.#state }; }

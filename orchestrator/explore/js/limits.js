@@ -56,8 +56,8 @@ function reduced(data, { values }, part, to) {
   return changes;
 }
 
-// Whether the conditions of a key hold.
-function hasEffect(data, values, path) {
+/** Whether the conditions of a key hold. */
+export function hasEffect(data, values, path) {
   const { needs, table } = data.byPath.get(path);
   return (needs ?? []).every((group) => group.some(([key, wanted]) => {
     const on = `${table}.${key}`, value = values.get(on);

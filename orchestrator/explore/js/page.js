@@ -13,6 +13,7 @@ import { drawHistogram, histogramPicture } from "./histogram.js";
 import { DiveView } from "./log.js";
 import { PathEditor } from "./path.js";
 import { length } from "./phrases.js";
+import { showReach } from "./reach.js";
 import { ReceiverChoice } from "./receivers.js";
 import { SettingsList } from "./settings.js";
 import { Changes } from "./changes.js";
@@ -160,9 +161,21 @@ class Page {
     if (this.log.isRough) return; // its settings have no path for other dives
     document.body.classList.add("computing");
     showBuy(null);
-    const take = (summary) => { if (summary && turn === this.turn) this.take(summary, main); };
+    let possible = null, last = null;
+    const compare = () => showReach(possible, last, main);
+    compare();
+    const take = (summary) => {
+      if (!summary || turn !== this.turn) return;
+      this.take(last = summary, main);
+      compare();
+    };
     try {
-      const summary = await explorer.dives(Number($("count").value), take);
+      const known = explorer.possible().then((it) => { // while workers do the dives
+        if (turn !== this.turn) return;
+        possible = it;
+        compare();
+      });
+      const [summary] = await Promise.all([explorer.dives(Number($("count").value), take), known]);
       if (!summary || turn !== this.turn) return;
       take(summary);
       const found = await explorer.causes((part) => this.takeCauses(part, turn));

@@ -2,6 +2,8 @@
 // `orchestrator/web/js/data.js`, with estimates and truth as `orchestrator/judge/definitions.py`
 // defines them.
 
+import { even } from "./series.js";
+
 const SECOND = 1_000_000_000n, MOST_SECONDS = 9.2e9;
 const NEVER = -(2n ** 63n);
 const POSITION = [0, 2, 4]; // of the state (x, vx, y, vy, z, vz)
@@ -18,7 +20,7 @@ export const isDrawn = (name) => DRAWN.test(name);
  */
 export function runOf({ record, instants, interval, beacons, looks, arms }) {
   const time = Float64Array.from(instants, (t) => Number(t) / 1e9);
-  const truth = truthOf(record, instants, interval);
+  const state = stateOf(record, instants, interval), truth = (epoch) => state(epoch)[0];
   const known = record["platform.beacon_position"], said = record["platform.reported_beacon_position"];
   const each = (values) => Array.from({ length: beacons },
     (_, i) => trackOf(values, time.length, 3 * beacons, 3 * i));
@@ -39,8 +41,9 @@ function trackOf(values, rows, width, first) {
   return { x, y, z };
 }
 
-/** Estimates of a receiver, one for each change of its count while it is valid; truth: of an epoch. */
-export function estimatesOf(record, instants, label, truth) {
+// Rows of the estimates of a receiver, one for each change of its count while it is valid, and of the
+// instants until which each stands.
+function rowsOf(record, instants, label) {
   const count = record[`${label}.update_count`], valid = record[`${label}.valid`];
   const rows = [], until = [];
   const end = (i) => { if (rows.length > until.length) until.push(i); };
@@ -51,9 +54,19 @@ export function estimatesOf(record, instants, label, truth) {
     if (isNew) rows.push(i);
   }
   end(instants.length - 1);
+  return { rows, until };
+}
+
+/** Epochs of the estimates of a receiver [ns]. */
+export const epochsOf = (record, instants, label) => rowsOf(record, instants, label).rows
+  .map((i) => Number(epochOf(record[`${label}.epoch`][i], instants)));
+
+/** Estimates of a receiver; truth: the true position at an epoch. */
+export function estimatesOf(record, instants, label, truth) {
+  const { rows, until } = rowsOf(record, instants, label);
   const epochs = rows.map((i) => epochOf(record[`${label}.epoch`][i], instants));
   const seconds = (times) => Float64Array.from(times, (t) => Number(t) / 1e9);
-  const true_ = epochs.map((epoch) => truth(epoch));
+  const true_ = epochs.map(truth);
   const column = (of) => Float64Array.from(rows, of);
   const track = (of) => ({ x: column((_, n) => of(n, 0)), y: column((_, n) => of(n, 1)), z: column((_, n) => of(n, 2)) });
   const position = record[`${label}.position`];
@@ -66,18 +79,12 @@ export function estimatesOf(record, instants, label, truth) {
   };
 }
 
-// An epoch [ns], matched to the instants.
-function epochOf(epoch, instants) {
+/** An epoch [ns], matched to the instants. */
+export function epochOf(epoch, instants) {
   if (!(Math.abs(epoch) < MOST_SECONDS)) return NEVER;
   const whole = Math.trunc(epoch), nearest = BigInt(whole) * SECOND + BigInt(even((epoch - whole) * 1e9));
   const at = Math.min(firstAt(instants, (t) => Number(t) / 1e9 >= epoch), instants.length - 1);
   return Number(instants[at]) / 1e9 === epoch ? instants[at] : nearest;
-}
-
-// The nearest whole number; of two, the even one.
-function even(value) {
-  const below = Math.floor(value), rest = value - below;
-  return rest > 0.5 || (rest === 0.5 && below % 2 !== 0) ? below + 1 : below;
 }
 
 /** Index of the first element for which a condition holds; their number if there is none. */
@@ -90,30 +97,34 @@ export function firstAt(sorted, holds) {
   return low;
 }
 
-// The true position at an epoch [ns]: at the target's own instants the recorded one, between them on
-// the cubic through positions and velocities at both ends.
-function truthOf(record, instants, interval) {
+/**
+ * A function that gives the true position and velocity at an epoch [ns]: at the target's own instants
+ * the recorded ones, between them on the cubic through positions and velocities at both ends.
+ */
+export function stateOf(record, instants, interval) {
   const own = Array.from(instants.keys()).filter((i) => instants[i] % interval === 0n);
   const times = own.map((i) => instants[i]), stop = instants[instants.length - 1];
   const position = record["target.position"], velocity = record["target.velocity"];
   return (epoch) => {
-    if (epoch < instants[0] || epoch > stop || epoch > times[times.length - 1]) return [NaN, NaN, NaN];
+    if (epoch < instants[0] || epoch > stop || epoch > times[times.length - 1])
+      return [[NaN, NaN, NaN], [NaN, NaN, NaN]];
     const right = firstAt(times, (t) => t >= epoch), at = own[right];
-    if (times[right] === epoch) return [0, 1, 2].map((axis) => position[3 * at + axis]);
+    if (times[right] === epoch) return [position, velocity].map((it) => Array.from(it.slice(3 * at, 3 * at + 3)));
     const before = own[right - 1], step = Number(times[right] - times[right - 1]);
     const h = step * 1e-9, u = Number(epoch - times[right - 1]) / step;
-    return [0, 1, 2].map((axis) => {
+    const axes = [0, 1, 2].map((axis) => {
       const [p0, p1, v0, v1] = [position[3 * before + axis], position[3 * at + axis],
         velocity[3 * before + axis], velocity[3 * at + axis]];
       return cubic([p0, p1], [v0, v1], h, u);
     });
+    return [0, 1].map((i) => axes.map((it) => it[i]));
   };
 }
 
-/** Between two points with their velocities, h [s] apart, at a share u of the way. */
+/** Place and velocity between two points with theirs, h [s] apart, at a share u of the way. */
 export function cubic([p0, p1], [v0, v1], h, u) {
   const secant = (p1 - p0) / h, b = 3 * secant - 2 * v0 - v1, a = v0 + v1 - 2 * secant;
-  return p0 + h * u * (v0 + u * (b + u * a));
+  return [p0 + h * u * (v0 + u * (b + u * a)), v0 + u * (2 * b + u * 3 * a)];
 }
 
 // Rows of the lower triangular L of the claimed covariance L Lᵀ of the position [m], or null.

@@ -177,7 +177,7 @@ function truthOf({ tables, start_ns: start, truth_gap_ns: gap }) {
     const step = time[right] - time[left], u = (t - time[left]) / step;
     if (step > gap) return unknown;
     return position.map((axis, k) => velocity
-      ? cubic([axis[left], axis[right]], [velocity[k][left], velocity[k][right]], step * 1e-9, u)
+      ? cubic([axis[left], axis[right]], [velocity[k][left], velocity[k][right]], step * 1e-9, u)[0]
       : axis[left] + u * (axis[right] - axis[left]));
   };
 }

@@ -57,5 +57,5 @@ export function showBuy(found, own) {
 export function tell(within, main) {
   put($("told"), `95 % of the time you are within ${length(within)}, with ${main}. `
     + `Buy first: ${$("buy").textContent}, ${$("then").textContent}. Best receiver: ${$("best").textContent}, `
-    + `${$("best-note").textContent}. ${$("claim").textContent}`);
+    + `${$("best-note").textContent}. ${$("claim").textContent} ${$("reach").textContent}`);
 }
