@@ -21,7 +21,7 @@ from sblcosim.models.loading import load
 from sblcosim.models.ports import PING_POSE, RECEPTION
 from stepper import Stepper
 
-TICKS, DIVES = 50, 9
+TICKS, DIVES = 40, 8
 TICK = 10**8
 """Nanoseconds."""
 KEPT = {"sampling_time", "update_interval", "seed", "stream", "slot_order"}
@@ -69,7 +69,7 @@ class Dive:
         self.rng = rng
         self.parts = {}
         for name in ("target", "platform", "acoustics", *RECEIVERS):
-            given = parameters(name, (0.1, 0.3, 0.6)[seed // 9 % 3], rng)
+            given = parameters(name, (0.1, 0.3, 0.6)[seed // DIVES % 3], rng)
             if name == "target":
                 given["trajectory"] = 1 + seed % 9
             self.parts[name] = Stepper(model(name), given, seed=seed)
