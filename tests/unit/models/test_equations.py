@@ -106,6 +106,12 @@ def states(part: Stepper) -> dict[str, Any]:
     }
 
 
+def other(x: Any, rng: np.random.Generator) -> Any:
+    """A state that a dive hardly reaches: some flags are set, and all numbers differ."""
+    flags = ((x == 0) | (x == 1)) & (rng.random(x.shape) < 0.3)
+    return np.where(flags, 1 - x, x * rng.lognormal(0.0, 0.1, x.shape))
+
+
 def digest(rows: Any) -> float:
     (found,) = as_recorded.digest_of_all([np.array(rows, float).reshape(1, -1)])
     return found
@@ -121,6 +127,10 @@ def test_equations_give_the_recorded_numbers(group: int) -> None:
         for name, rows in dive.told.items():
             for key in rows[0]:
                 found[f"{name}.{key}"].append(digest([row[key] for row in rows]))
+        for name, part in dive.parts.items():
+            elsewhere = [part.results(other(part.x, dive.rng)) for _ in range(3)]
+            for key in elsewhere[0]:
+                found[f"{name}: {key}"].append(digest([row[key] for row in elsewhere]))
     as_recorded.check(f"equations {group}", {"numbers": found})
 
 
