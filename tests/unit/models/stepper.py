@@ -173,6 +173,26 @@ class Stepper:
                 self.x = result[: len(self.x)]
                 self.x[own] = result[len(self.x):]
 
+    def results(self, x: Array) -> dict[str, Array]:
+        """What each function gives in another state, at the time and with the inputs of now."""
+        t, given = self.t_ns / 1e9, (self._u, self._p)
+        f = self.functions
+        found = {
+            "tick": self._call(f.tick, x, *given, self._draw("tick", 0), t, 1),
+            "output": self._call(f.output, x, *given, t),
+        }
+        for loop in (*self.model.advance, *self.model.iterate):
+            more: list[Any] = []
+            if loop in self.model.each:
+                more = [np.concatenate([x[at : at + width]
+                                        for at, _, width in self.model.places(loop)]), 0]
+            found[f"{loop}?"] = self._call(f.guards[loop], x, *given, t, *more)
+            found[loop] = self._call(
+                f.bodies[loop], x, *given, self._draw(loop, 0), t, *self._rows(loop, x, self._p),
+                *more,
+            )
+        return found
+
     def _rows(self, occasion: str, *arguments: Array) -> list[list[float]]:
         """The rows of parameters that a function reads, if there are any."""
         rows = self.functions.rows.get(occasion)

@@ -319,7 +319,6 @@ ANSWERS: Mapping[str, Callable[[Path], Any]] = {
     "distances with a limit": lambda _: sblcosim.map_distance(
         "harbour-square", 60, 4.0, limit_m=0.6, cells=5, runs=4, duration_s=8.0, settling_s=2.0),
     "require": question(),
-    "require nothing possible": question(limit=0.001),
     "many runs": lambda _: sblcosim.run_many(
         "realistic-sea", ["coupled", "multilateration"], {"time.duration_s": 15.0}, runs=12),
     "dive of buoys": lambda _: sblcosim.run("gps-buoys", overrides={"time.duration_s": 40.0}),
