@@ -284,8 +284,9 @@ def test_without_workers_that_answer_there_is_an_error(
     short: Case, how: str, why: str, tmp_path: Path
 ) -> None:
     """Neither of two places has one, with the two that follow each."""
-    job = {**short.job(modules.module(SMALL), part=2), "workers": [2], how: [0] * 6,
-           "patience": 100}
+    job = {**short.job(modules.module(SMALL), part=2), "workers": [2], how: [0] * 6}
+    if how == "hanging":
+        job["patience"] = 100
     assert why in in_node(job, tmp_path)["error"]
 
 
