@@ -148,3 +148,15 @@ def test_whole_paths_and_long_motion_give_the_recorded_numbers(name: str) -> Non
         rows = [part.step(n * step, step) for n in range(55)]
         found[f"{name} {seed}"] = [digest([row[key] for row in rows]) for key in rows[0]]
     as_recorded.check(f"equations of the {name}", {"numbers": found})
+
+
+@pytest.mark.parametrize("name", COMPONENTS)
+def test_bounds_and_starts_are_as_recorded(name: str) -> None:
+    found = {
+        f"{v.causality} {v.name}": [
+            v.type, str(v.unit), *v.shape, *as_recorded.digest(v.starts), v.min, v.max,
+            str(v.named), *(v.choices or {}).values(),
+        ]
+        for v in COMPONENTS[name].variables
+    }  # fmt: skip
+    as_recorded.check(f"declared {name}", {"variables": found})
