@@ -67,12 +67,13 @@ class Dive:
     def __init__(self, seed: int) -> None:
         rng = np.random.default_rng([3, seed])
         self.rng = rng
+        self.start = 7 * 10**9 * (seed % 2)
         self.parts = {}
         for name in ("target", "platform", "acoustics", *RECEIVERS):
             given = parameters(name, (0.1, 0.3, 0.6)[seed // DIVES % 3], rng)
             if name == "target":
                 given["trajectory"] = 1 + seed % 9
-            self.parts[name] = Stepper(model(name), given, seed=seed)
+            self.parts[name] = Stepper(model(name), given, seed=seed, start_ns=self.start)
         self.told: dict[str, list[dict[str, Any]]] = defaultdict(list)
 
     def step(self, t: int) -> None:
@@ -123,7 +124,7 @@ def test_equations_give_the_recorded_numbers(group: int) -> None:
     for seed in range(DIVES * group, DIVES * (group + 1)):
         dive = Dive(seed)
         for n in range(TICKS):
-            dive.step(n * TICK)
+            dive.step(dive.start + n * TICK)
         for name, rows in dive.told.items():
             for key in rows[0]:
                 found[f"{name}.{key}"].append(digest([row[key] for row in rows]))
@@ -148,3 +149,15 @@ def test_whole_paths_and_long_motion_give_the_recorded_numbers(name: str) -> Non
         rows = [part.step(n * step, step) for n in range(55)]
         found[f"{name} {seed}"] = [digest([row[key] for row in rows]) for key in rows[0]]
     as_recorded.check(f"equations of the {name}", {"numbers": found})
+
+
+@pytest.mark.parametrize("name", COMPONENTS)
+def test_bounds_and_starts_are_as_recorded(name: str) -> None:
+    found = {
+        f"{v.causality} {v.name}": [
+            v.type, str(v.unit), *v.shape, *as_recorded.digest(v.starts), v.min, v.max,
+            str(v.named), *(v.choices or {}).values(),
+        ]
+        for v in COMPONENTS[name].variables
+    }  # fmt: skip
+    as_recorded.check(f"declared {name}", {"variables": found})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -204,3 +205,16 @@ def test_what_is_not_known_is_said_without_a_size() -> None:
     assert unknown.sentence({"the fish (fish_m)": ""}) == "possible leaves out the fish (fish_m)"
     assert unknown.matter(2.0, {}) == {}
     assert unknown.matter(float("nan"), {"tiny": 1.0}) == {}
+
+
+def test_errors_of_less_than_a_twentieth_of_all_are_not_named() -> None:
+    found = unknown.matter(1.0, {"large": 9.0, "small": 0.6, "less": 0.4, "none": 0.0})
+    assert found == {"large": 3.0, "small": math.sqrt(0.6)}
+    some = unknown.matter(1.0, {"large": 9.5, "just": 0.5})
+    assert {*some} == {"large", "just"}
+    open_ = unknown.matter(1e3, {"not known": math.nan, "small": 1e-6})
+    assert {*open_} == {"not known", "small"}
+    square = 100 * ((1 + unknown.MATTERS) ** 2 - 1)
+    assert unknown.matter(10.0, {"all": square * (1 - 1e-9)}) == {}
+    assert {*unknown.matter(10.0, {"all": square * (1 + 1e-9)})} == {"all"}
+    assert unknown.matter(math.inf, {"all": 1.0}) == unknown.matter(1.0, {"none": 0.0}) == {}
