@@ -43,7 +43,8 @@ POINTS = {TRACK_POINTS.name: MOST_POINTS}
 LATE = "receiver.outlier_mean_m"
 """What a receiver assumes about late ranges: the mean excess of outliers and echoes."""
 LANES = (2, 1)
-"""Runs side by side of a page's modules; the second is for browsers without vectors."""
+"""Runs side by side of a page's modules; the second is for browsers without vectors. These simulate
+the scenario's number of beacons only, as those of all numbers would need a third more space."""
 DIVE = "sblcosim dive 1"
 """What the file of a recorded dive says that it is."""
 
@@ -102,7 +103,7 @@ def contents(
         "rules": _rules(scenario),
         "bound": bounds.facts(),
         "sources": [_source(it) for it in SOURCES.values()],
-        "modules": _modules(counts, types, lanes),
+        "modules": _modules(counts, scenario.beacons, types, lanes),
         "dive": None if dive is None else document(scenario, receivers, dive),
     }
 
@@ -276,13 +277,13 @@ def _late(scenario: Scenario) -> float | None:
 
 
 def _modules(
-    counts: Sequence[int], types: Sequence[str], lanes: Collection[int]
+    counts: Sequence[int], own: int, types: Sequence[str], lanes: Collection[int]
 ) -> dict[str, str]:
     """WebAssembly by its use, number of beacons and of lanes; compressed, as base64."""
     found = {"bound": packed(bound.library(platform=WASM))}
     for count in counts:
         found[f"settings.{count}"] = packed(settings.library(count, platform=WASM))
-        for lane in lanes:
+        for lane in lanes if count == own else sorted(lanes)[-1:]:
             file = modules.module(types, count, lane, **POINTS)
             found[f"engine.{count}.{lane}"] = packed(file)
     return found

@@ -34,6 +34,7 @@ from sblcosim.comparison.budget import sources
 from sblcosim.comparison.many.run import run_many
 from sblcosim.errors import ConfigurationError, SblcosimError
 from sblcosim.explore.contents import contents, is_possible
+from sblcosim.explore.page import render
 from sblcosim.fmus.build import compiler
 from sblcosim.scenario.scenario import Scenario, load
 from sblcosim.scenario.schema import FILES, TABLES
@@ -504,12 +505,27 @@ console.log(JSON.stringify(sizes));
 
 @pytest.mark.slow
 def test_a_browser_without_vectors_has_the_same_numbers(tmp_path: Path) -> None:
-    told = contents(load(NAME))
-    broken = {**told["modules"], "engine.4.2": told["modules"]["settings.4"]}
-    job = {"settings": {"receivers": ["ekf"]}, "dives": 5}
-    (two,) = answers(told, [job], tmp_path)
-    (one,) = answers({**told, "modules": broken}, [job], tmp_path)
+    """For the scenario's number of beacons; for others, the page refuses."""
+    told = contents(load(NAME), beacons=[5])
+    assert {"engine.4.2", "engine.4.1", "engine.5.2"} < told["modules"].keys()
+    assert "engine.5.1" not in told["modules"]
+    wrong = dict.fromkeys(("engine.4.2", "engine.5.2"), told["modules"]["settings.4"])
+    jobs = [
+        {"settings": {"receivers": ["ekf"]}, "dives": 5, "ask": ["counts"]},
+        {"settings": {"given": {"platform.beacons": 5}}},
+    ]
+    two, five = answers(told, jobs, tmp_path)
+    assert (two.pop("counts"), five["refused"]) == ([4, 5], None)
+    one, refused = answers({**told, "modules": {**told["modules"], **wrong}}, jobs, tmp_path)
+    assert one.pop("counts") == [4]
     assert one == two
+    assert refused["refused"] == "[platform] beacons: must be one of 4 in this page, got 5"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["realistic-dive", "harbour-lbl", "usbl-boat"])
+def test_a_page_with_all_numbers_of_beacons_is_small(name: str) -> None:
+    assert len(render(contents(load(name), beacons=range(3, 9)))) < 3_000_000
 
 
 @pytest.mark.slow

@@ -17,7 +17,6 @@ const centimetres = (x) => Math.round(x * 100) / 100;
 export class BeaconEditor {
   constructor(page) {
     this.page = page;
-    this.counts = page.explorer.counts;
     this.picture = shape("svg", { viewBox: `0 0 ${SIZE} ${SIZE}`, role: "group", "aria-label": "Beacons from above, forward is up" });
     $("beacons-picture").append(this.picture);
     $("add-beacon").addEventListener("click", () => this.add());
@@ -28,6 +27,7 @@ export class BeaconEditor {
     this.show();
   }
 
+  get counts() { return this.page.explorer.counts; }
   get arms() { return this.page.explorer.arms.map((it) => [...it]); }
 
   // Try beacons at other places; refused ones leave those that were.

@@ -75,7 +75,7 @@ const POSSIBLE = 8, MOST_POSSIBLE = 20_000; // dives of which is said what was p
 const PART = 32; // dives that a worker does before it shows them
 
 export class Explorer {
-  #data; #bound; #given; #loaded; #receivers; #loadedReceivers; #seed; #state;
+  #data; #plain = false; #bound; #given; #loaded; #receivers; #loadedReceivers; #seed; #state;
   #pending = new Map();
   #settings = new Map(); // by number of beacons
   #engines = new Map();
@@ -104,7 +104,6 @@ export class Explorer {
     this.byPath = new Map(contents.keys.map((it) => [it.path, it]));
     this.types = contents.types.map((it) => it === FIX ? RAW : it);
     this.words = contents.words;
-    this.counts = Object.keys(contents.systems).map(Number);
     this.#given = new Map(Object.entries(contents.given));
     this.#loaded = new Map(this.#given);
     this.#receivers = contents.receivers;
@@ -114,6 +113,7 @@ export class Explorer {
 
   // --- What holds ---------------------------------------------------------------------------------
 
+  get counts() { return Object.keys(this.#data.systems).map(Number); }
   get given() { return new Map(this.#given); }
   get seed() { return this.#seed; }
   get receivers() { return this.#receivers.map((it) => it === FIX ? RAW : it); }
@@ -262,17 +262,27 @@ export class Explorer {
     return problems.length ? problems.map(({ message }) => message).join("\n") : null;
   }
 
-  // The modules of a number of beacons, loaded once.
+  // The modules of a number of beacons, loaded once. A browser without vectors (simd128) has only the
+  // numbers of which the page has a module without them: that of its scenario.
   async #ready(beacons) {
     if (!this.#data.systems[beacons] || this.#engines.has(beacons)) return;
     const { modules, systems } = this.#data, [two, one] = [2, 1].map((n) => modules[`engine.${beacons}.${n}`]);
     const [settings, engine] = await Promise.all([
       unpacked(modules[`settings.${beacons}`]).then((it) => Settings.load(it, systems[beacons].settings)),
       unpacked(two ?? one).then((it) => Engine.load(it)).catch(async (error) => {
-        if (!two || !one) throw error;
-        return Engine.load(await unpacked(one)); // a browser without vectors
+        if (two && one) {
+          this.#plain = true;
+          return Engine.load(await unpacked(one));
+        }
+        if (this.#plain) return null;
+        throw error;
       }),
     ]);
+    if (!engine) {
+      const { [beacons]: _, ...others } = systems;
+      this.#data = { ...this.#data, systems: others };
+      return;
+    }
     this.#settings.set(beacons, settings);
     this.#engines.set(beacons, engine);
   }
