@@ -106,10 +106,11 @@ def test_a_dropped_dive_is_replayed_with_its_settings_until_it_is_closed(
           "acoustics.loss_probability"), seen: [seen("draw"), seen("log-close"), seen("within")] }};
       change(field("acoustics.range_std_m").querySelector("input[type=text]"), "0.5");
       await settle();
-      const second = {{ last: last(), command: words("log-command"), said: words("log-said") }};
+      const second = {{ last: last(), command: words("log-command"), said: words("log-said"),
+        tables: words("log-tables") }};
       $("reset-all").click();
       await settle();
-      const third = {{ last: last(), said: words("log-said") }};
+      const third = {{ last: last(), said: words("log-said"), tables: words("log-tables") }};
       await until(() => words("so-far") === "400 dives");
       const verdict = words("within");
       $("log-close").click();
@@ -122,7 +123,11 @@ def test_a_dropped_dive_is_replayed_with_its_settings_until_it_is_closed(
     same_ends(shown["first"]["last"], log, {})
     same_ends(shown["second"]["last"], log, {"acoustics.range_std_m": 0.5})
     assert shown["second"]["said"].endswith("settings changed here: acoustics.range_std_m")
-    assert shown["third"] == {it: shown["first"][it] for it in ("last", "said")}
+    assert shown["third"] == {it: shown["first"][it] for it in ("last", "said", "tables")}
+    changed = process(log, RECEIVERS, {"acoustics.range_std_m": 0.5}).receivers.loc["coupled"]
+    found = f"coupled{changed.total_p95_m:.1f} m{changed.total_rms_m:.1f} m"
+    assert found in shown["second"]["tables"]
+    assert shown["second"]["tables"] != shown["first"]["tables"]
     assert shown["first"]["map"] == "The recorded dive: A realistic dive"
     assert shown["first"]["loss"] == 0.25
     assert shown["first"]["seen"] == [False, True, True]

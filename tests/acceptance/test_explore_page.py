@@ -220,7 +220,7 @@ def test_receivers_are_compared_and_chosen_where_they_are_compared(
         short: [$("best").textContent, $("best-note").textContent] }};
     """)
     assert shown["alone"][:4] == [["ekf"], ["ekf", "raw"], "ekf", False]
-    assert shown["alone"][4].endswith(f"of {DIVES} dives; 1 not compared")
+    assert shown["alone"][4].endswith(f"of {DIVES} dives (not tried: coupled)")
     assert shown["two"][:4] == [["ekf", "coupled"], ["ekf", "coupled", "raw"], "ekf", False]
     assert shown["two"][4].endswith(f"of {DIVES} dives")
     assert shown["used"][0] == ["coupled", "ekf"]
@@ -385,7 +385,7 @@ def test_water_is_computed_where_one_looks_and_told_from_a_limit(
     assert shown["two"][0] == 2
     within = shown["two"][2]
     assert 0 < within < 1
-    assert shown["two"][1].startswith(f"{100 * within:.0f} % of what is seen is within it")
+    assert shown["two"][1].startswith(f"{100 * within:.0f} % of the water shown is within it")
     assert shown["two"][3][-2:] == [f"95 % error within {shown['two'][4]} m", "beyond"]
     assert shown["wrong"] == ["limit: must be a number above 0, got '-1'", "true", 2]
     assert shown["none"] == [shown["many"], True]

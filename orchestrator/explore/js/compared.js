@@ -59,7 +59,7 @@ export class Comparison {
 
   take(receivers, styles, main) {
     const best = bestOf(receivers), own = receivers[main];
-    const left = [...this.rows.keys()].filter((name) => !receivers[name]).length;
+    const left = [...this.rows.keys()].filter((name) => !receivers[name]);
     for (const [name, { row, cells, mark }] of this.rows) {
       const found = receivers[name];
       row.classList.toggle("best", name === best.name);
@@ -73,7 +73,7 @@ export class Comparison {
     }
     put($("than"), main);
     put($("best"), best.words);
-    put($("best-note"), best.note + (left ? `; ${left} not compared` : ""));
+    put($("best-note"), best.note + (left.length ? ` (not tried: ${left.join(", ")})` : ""));
   }
 }
 

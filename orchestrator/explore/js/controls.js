@@ -70,6 +70,12 @@ const GROUPS = [
   ]],
 ];
 
+/** What a key is called beside its control, and what is said of it. */
+export const wordsOf = (path) => {
+  const found = GROUPS.flatMap(([, rows]) => rows).find(([it]) => it === path);
+  return found ? `${found[1].label} ${found[1].about ?? ""}` : "";
+};
+
 /** The groups of controls, in the element "controls"; all their fields. */
 export function makeControls(page) {
   const fields = [];

@@ -189,7 +189,8 @@ function residuals(run, { residuals: by }, { names }) {
   return table(["Sample", ...run.receivers.map((it) => named(it))],
     [...names, "depth"].filter((name) => run.receivers.some((it) => by[it.label][name]))
       .map((name) => [name === "depth" ? name : `beacon ${name}`, ...run.receivers.map((it) => residual(by[it.label][name]))]),
-    "Residuals [m]: ranges and depths minus those of the estimates, median ± robust deviation");
+    "Residuals [m]: ranges and depths minus those of the estimates, median ± robust deviation. Small ones do not "
+    + "mean a small error: raw follows the noise of each ping");
 }
 
 function agreement(run, { agreement: pairs }) {

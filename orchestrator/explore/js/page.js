@@ -41,6 +41,7 @@ class Page {
       this.drawHistogram();
     });
     this.bind();
+    this.log.show();
     this.stage.player.seek(run.stop);
     this.show();
     this.isComputed();
@@ -119,6 +120,7 @@ class Page {
       put($("so-far"), "…"); // what is shown beside it is of other settings, for a moment
       document.body.classList.add("computing");
       this.stage.replace(this.log.run() ?? this.explorer.dive());
+      this.log.show();
       this.showLegend();
       clearTimeout(this.timer);
       this.timer = setTimeout(() => this.compute(), PAUSE);
@@ -138,7 +140,7 @@ class Page {
       field.show();
       field.element.hidden = !isShown(this, field);
     }
-    for (const part of [this.receivers, this.comparison, this.beacons, this.path, this.list, this.log]) part.show();
+    for (const part of [this.receivers, this.comparison, this.beacons, this.path, this.list]) part.show();
     $("reset-all").hidden = !explorer.link();
     if ($("seed-problem").hidden) $("seed").value = explorer.seed;
     put($("command"), explorer.command());

@@ -143,6 +143,7 @@ export class PathEditor {
 
   use(points, words = null) {
     if (!points) return;
+    if (this.drawn) this.end();
     this.tell(this.page.explorer.setPath(points.map((it) => it.map(rounded))));
     put($("path-words"), words ?? "");
     this.page.changed();

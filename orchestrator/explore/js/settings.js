@@ -2,7 +2,7 @@
 
 import { $, element, put } from "./dom.js";
 import { Field } from "./field.js";
-import { hasEffect } from "./controls.js";
+import { hasEffect, wordsOf } from "./controls.js";
 
 const MOST = 60;
 
@@ -15,13 +15,14 @@ export class SettingsList {
     this.find();
   }
 
-  // All words must be in the key, its description or its unit.
+  // All words must be in the key, its description or the words of its control, in the singular, too.
   find() {
     const words = $("search").value.toLowerCase().split(/\s+/).filter(Boolean);
     const only = $("only-changed").checked, { explorer, changes } = this.page;
     const found = words.length || only ? explorer.keys.filter((key) => {
-      const text = `${key.path} ${key.words}`.toLowerCase().replaceAll("_", " ");
-      return words.every((word) => text.includes(word.replaceAll("_", " ")))
+      const text = `${key.path} ${key.words} ${wordsOf(key.path)}`.toLowerCase().replaceAll("_", " ");
+      const has = (word) => text.includes(word) || /s$/.test(word) && text.includes(word.replace(/e?s$/, ""));
+      return words.every((word) => has(word.replaceAll("_", " ")))
         && (!only || changes.has(key.path));
     }) : [];
     const shown = found.slice(0, MOST);

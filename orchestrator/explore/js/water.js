@@ -77,7 +77,7 @@ export class Water {
     $("water-bar").classList.toggle("two", limit !== null);
     put($("water-low"), limit === null ? length(low) : `within ${length(limit)}`);
     put($("water-high"), limit === null ? length(high) : "beyond");
-    put($("water-words"), (limit === null ? "" : `${share(within)} of what is seen is within it: `)
+    put($("water-words"), (limit === null ? "" : `${share(within)} of the water shown is within it: `)
       + `95 % error of ${page.explorer.receivers[0]} at ${depth} m depth`
       + (done < n ? `, ${Math.round(100 * done / n)} % done` : ""));
     page.stage.state.under = Object.assign((pen, view) => this.draw(pen, view), { legend: this.legend });
@@ -158,7 +158,7 @@ function drawCells(pen, view, { north, east, size, depth, values }, colour) {
 function drawBorder(pen, view, { north, east, size, depth, values }, limit) {
   const half = size / 2, at = (i, j) => values[i * east.length + j] <= limit;
   const known = (i, j) => Number.isFinite(values[i * east.length + j]);
-  pen.strokeStyle = "#000";
+  pen.strokeStyle = "#fff"; // tracks are dark
   pen.lineWidth = 1.5;
   const side = (i, j, k, l, from, to) => {
     if (k < north.length && l < east.length && known(i, j) && known(k, l) && at(i, j) !== at(k, l))
