@@ -124,7 +124,7 @@ def test_the_cheapest_design_that_is_good_enough_is_named(results: Path) -> None
         ("gps = [1]", "gps: must have a cost for each of the levels 0.1, 3.5, got 1"),
         ("gps = 3", "gps: must be an array of costs, or a table by level, got 3"),
         ("gps = [1, 'a']", "gps: must be numbers, finite and not negative, got 'a' for 3.5"),
-        ("gps = [1, ", "must be TOML: "),
+        ("gps = [1, ", "must be a value of TOML ("),
         (None, "no such file"),
     ],
 )
