@@ -1,5 +1,6 @@
 """Makes the helpers beside the tests importable (``from stepper import Stepper``)."""
 
+import os
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -39,6 +40,12 @@ def pytest_sessionstart(session: pytest.Session) -> None:
         bound.library()
         for driver in (native.DRIVER, lanes_driver.DRIVER, replay.DRIVER, innovations.DRIVER):
             c_libraries.library(driver)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
+    """One more than there are processors, as many tests wait for commands and browsers."""
+    return (os.cpu_count() or 1) + 1
 
 
 @pytest.hookimpl(optionalhook=True)
