@@ -1,6 +1,6 @@
 """Dives of many kinds, none of them the paper's own, and how receivers do in them.
 
-``python tests/physics/dives.py`` prints the table of `models/receiver/dives.md`, in half an hour.
+``python tests/physics/dives.py`` prints the table of `models/receiver/dives.md`, in a few minutes.
 Cells with beacons on the bottom or below buoys have `long_baseline`, all others `coupled`.
 """
 
