@@ -523,9 +523,12 @@ def test_a_browser_without_vectors_has_the_same_numbers(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["realistic-dive", "harbour-lbl", "usbl-boat"])
-def test_a_page_with_all_numbers_of_beacons_is_small(name: str) -> None:
-    assert len(render(contents(load(name), beacons=range(3, 9)))) < 3_000_000
+@pytest.mark.parametrize(("name", "most"), [
+    ("realistic-dive", 2_300_000), ("harbour-lbl", 3_000_000), ("usbl-boat", 3_200_000),
+])
+def test_a_page_with_all_numbers_of_beacons_is_small(name: str, most: int) -> None:
+    """Its size in bytes; that of a receiver is in it six times."""
+    assert len(render(contents(load(name), beacons=range(3, 9))).encode()) < most
 
 
 @pytest.mark.slow
