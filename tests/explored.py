@@ -14,8 +14,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from sblcosim.errors import SblcosimError
 from sblcosim.explore.declarations import declarations
+from sblcosim.fmus.build import compiler
 from sblcosim.prepare.scenario import of_scenario
 from sblcosim.scenario.scenario import Scenario, load
 from sblcosim.scenario.schema import toml
@@ -25,6 +27,15 @@ SCRIPT = Path(__file__).parents[1] / "orchestrator" / "explore" / "js" / "explor
 HOST = Path(__file__).with_name("acceptance") / "explore_host.mjs"
 MODULES = "--experimental-default-type=module"
 """Files ending in .js are modules, as in browsers."""
+NEEDS = [
+    pytest.mark.skipif(compiler.zig() is None, reason="needs ziglang"),
+    pytest.mark.skipif(NODE is None, reason="needs node"),
+    pytest.mark.filterwarnings("ignore"),
+]
+"""Marks of tests in node."""
+NAME = "realistic-dive"
+CHOICES = (("coupled", "ekf"), ("ekf",), ("coupled",), ("multilateration", "coupled"))
+"""The scenario of a page, and receivers to draw from."""
 Job = Mapping[str, Any]
 
 

@@ -16,9 +16,12 @@ import numpy as np
 import pytest
 import sblcosim
 from explored import (
+    CHOICES,
     KEYS,
     LONG,
     MODULES,
+    NAME,
+    NEEDS,
     NODE,
     SCRIPT,
     UNUSUAL,
@@ -35,18 +38,11 @@ from sblcosim.comparison.many.run import run_many
 from sblcosim.errors import ConfigurationError, SblcosimError
 from sblcosim.explore.contents import contents, is_possible
 from sblcosim.explore.page import render
-from sblcosim.fmus.build import compiler
 from sblcosim.scenario.scenario import Scenario, load
 from sblcosim.scenario.schema import FILES, TABLES
 from sblcosim.web.playback import of_record
 
-pytestmark = [
-    pytest.mark.skipif(compiler.zig() is None, reason="needs ziglang"),
-    pytest.mark.skipif(NODE is None, reason="needs node"),
-    pytest.mark.filterwarnings("ignore"),
-]
-NAME = "realistic-dive"
-CHOICES = (("coupled", "ekf"), ("ekf",), ("coupled",), ("multilateration", "coupled"))
+pytestmark = NEEDS
 
 
 @pytest.fixture(scope="module")

@@ -13,13 +13,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from explored import NODE, answers
+from explored import NEEDS, answers
 from made_logs import CORNERS, changed, made, written
 from quick import few
 from sblcosim import ConfigurationError, listings, process, read_log
 from sblcosim.explore.contents import contents
 from sblcosim.explore.page import write_dive
-from sblcosim.fmus.build import compiler
 from sblcosim.logs.folder import write
 from sblcosim.logs.log import Log
 from sblcosim.models import RECEIVERS
@@ -29,11 +28,7 @@ from sblcosim.scenario.scenario import load
 from sblcosim.web.playback import factor_of
 from seams import Seam
 
-pytestmark = [
-    pytest.mark.skipif(compiler.zig() is None, reason="needs ziglang"),
-    pytest.mark.skipif(NODE is None, reason="needs node"),
-    pytest.mark.filterwarnings("ignore"),
-]
+pytestmark = NEEDS
 ALL = (*RECEIVERS,)
 FEW = ("long_baseline", "ekf")
 

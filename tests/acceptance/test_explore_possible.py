@@ -14,11 +14,22 @@ from typing import Any
 import numpy as np
 import pytest
 import sblcosim
-from explored import LONG, MODULES, NODE, SCRIPT, answers, loaded, settings
+from explored import (
+    CHOICES,
+    LONG,
+    MODULES,
+    NAME,
+    NEEDS,
+    NODE,
+    SCRIPT,
+    answers,
+    loaded,
+    settings,
+)
 from quick import few
 from sblcosim.explore.bounds import facts
 from sblcosim.explore.contents import contents
-from sblcosim.fmus.build import bound, compiler
+from sblcosim.fmus.build import bound
 from sblcosim.fmus.platforms import WASM
 from sblcosim.limits import echoes, path, recursion
 from sblcosim.limits.fisher import fisher_factor
@@ -30,13 +41,7 @@ from sblcosim.models.receiver.bound import BOUNDS
 from sblcosim.results.result import Result
 from sblcosim.scenario.scenario import Scenario, load, shipped
 
-pytestmark = [
-    pytest.mark.skipif(compiler.zig() is None, reason="needs ziglang"),
-    pytest.mark.skipif(NODE is None, reason="needs node"),
-    pytest.mark.filterwarnings("ignore"),
-]
-NAME = "realistic-dive"
-CHOICES = (("coupled", "ekf"), ("ekf",), ("coupled",), ("multilateration", "coupled"))
+pytestmark = NEEDS
 EQUAL = 1e-9
 
 
