@@ -682,6 +682,32 @@ def test_beacons_are_dragged_and_a_path_is_drawn(
     assert [*load(tmp_path / "scenario.toml").target.waypoint_m][: points.size] == [*points.ravel()]
 
 
+def test_points_that_are_used_end_a_drawing(browsing: Callable[..., Tab]) -> None:
+    tab = browsing()
+    assert tab.run(f"""{HELPERS}
+      $("draw").click(); await settle();
+      const before = [$("sketch").hasAttribute("hidden"), $("draw").textContent];
+      $("points").value = "0, 0, 3\\n5, 9, 4";
+      $("use-points").click(); await settle();
+      return [before, [$("sketch").hasAttribute("hidden"), $("draw").textContent],
+        page.explorer.pathPoints];
+    """) == [[False, "Use this path"], [True, "Draw a path"], [[0, 0, 3], [5, 9, 4]]]
+
+
+@pytest.mark.parametrize(("words", "path"), [
+    ("echoes", "acoustics.outlier_probability"), ("late ranges", "acoustics.outlier_probability"),
+    ("compass", "platform.imu_heading_bias_deg"), ("arms", "platform.arm_length_m"),
+    ("pings lost", "acoustics.loss_probability"), ("range_std", "acoustics.range_std_m"),
+])
+def test_settings_are_found_by_the_words_of_their_controls(
+    words: str, path: str, browsing: Callable[..., Tab]
+) -> None:
+    assert browsing().run(f"""{HELPERS}
+      change($("search"), "{words}");
+      return Boolean($("found").querySelector('[data-path="{path}"]'));
+    """)
+
+
 def test_paths_are_read_from_files(browsing: Callable[..., Tab]) -> None:
     shown = browsing().run(f"""{HELPERS}
       const open = async (name, text) => {{

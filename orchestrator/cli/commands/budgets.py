@@ -126,4 +126,3 @@ def budget(
         for key in overrides(set_, seed):
             given += ["--set", key]
         say(f"{PLAY} {explore(scenario, *given)}")
-
