@@ -698,6 +698,7 @@ def test_points_that_are_used_end_a_drawing(browsing: Callable[..., Tab]) -> Non
     ("echoes", "acoustics.outlier_probability"), ("late ranges", "acoustics.outlier_probability"),
     ("compass", "platform.imu_heading_bias_deg"), ("arms", "platform.arm_length_m"),
     ("pings lost", "acoustics.loss_probability"), ("range_std", "acoustics.range_std_m"),
+    ("clocks", "acoustics.clock_offset_s"),
 ])
 def test_settings_are_found_by_the_words_of_their_controls(
     words: str, path: str, browsing: Callable[..., Tab]
