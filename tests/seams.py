@@ -21,6 +21,7 @@ import pytest
 def numbers() -> dict[str, tuple[ModuleType, str]]:
     """Where the numbers of the product stand that tests make small, or large."""
     from sblcosim.analysis.common import bounds
+    from sblcosim.analysis.levels import linear
     from sblcosim.cli.common import app
     from sblcosim.estimation import smoother
     from sblcosim.fmus.build import rolling
@@ -44,6 +45,7 @@ def numbers() -> dict[str, tuple[ModuleType, str]]:
         "archive_unpacked": (archive, "MAX_UNPACKED"),
         "batch": (runner, "BATCH"),
         "close": (smoother, "CLOSE"),
+        "design_numbers": (linear, "MOST_NUMBERS"),
         "dive_instants": (dive, "MOST_INSTANTS"),
         "elements": (description, "MAX_ELEMENTS"),
         "far_std": (bound, "FAR_STD"),

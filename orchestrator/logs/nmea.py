@@ -66,6 +66,7 @@ class _State:
     time_ns: int = MISSING
     day: int | None = None
     dated: bool = False
+    from_start: bool = False  # no times but those of a device, since its start
     place: tuple[int, float, float] | None = None
     turn: tuple[int, float] | None = None
     fixes: list[_Fix] = field(default_factory=list)
@@ -114,6 +115,8 @@ def _finish(state: _State, place: Path) -> None:
     raw = state.raw
     if state.stamped:
         state.say("times are those before the sentences")
+    elif state.from_start:
+        state.say("times of USBLLONG count from the start of the device")
     elif not state.dated:
         state.say("no sentence has a date: times count from midnight")
     if state.other:
@@ -238,7 +241,10 @@ def _at(state: _State, moment: Any) -> int:
     if state.day is None:
         state.day = 0
     time = int(state.day * _DAY_NS + within)
-    if state.time_ns != MISSING:  # the day that is nearest, around midnight
+    if state.from_start:  # what came before came just before
+        _shift(state, time - state.time_ns)
+        state.from_start = False
+    elif state.time_ns != MISSING:  # the day that is nearest, around midnight
         days = round((state.time_ns - time) / _DAY_NS)
         if days in (-1, 1):
             time += days * _DAY_NS
@@ -263,17 +269,21 @@ def _on(state: _State, day: date) -> None:
         return
     number = (day - date(1970, 1, 1)).days
     if not state.dated:  # sentences before it were of this day, too
-        ahead = (number - (state.day or 0)) * _DAY_NS
-        for fix in (*state.fixes, *state.ships):
-            fix.time_ns += ahead if fix.time_ns != MISSING else 0
-        state.poses = [
-            tuple(None if it is None else (it[0] + ahead, *it[1:]) for it in pose)  # type: ignore[misc]
-            for pose in state.poses
-        ]
-        state.place = None if state.place is None else (state.place[0] + ahead, *state.place[1:])
-        state.turn = None if state.turn is None else (state.turn[0] + ahead, *state.turn[1:])
-        state.time_ns += ahead if state.time_ns != MISSING else 0
+        _shift(state, (number - (state.day or 0)) * _DAY_NS)
     state.day, state.dated = number, True
+
+
+def _shift(state: _State, ahead: int) -> None:
+    """Move all times so far by some nanoseconds."""
+    for fix in (*state.fixes, *state.ships):
+        fix.time_ns += ahead if fix.time_ns != MISSING else 0
+    state.poses = [
+        tuple(None if it is None else (it[0] + ahead, *it[1:]) for it in pose)  # type: ignore[misc]
+        for pose in state.poses
+    ]
+    state.place = None if state.place is None else (state.place[0] + ahead, *state.place[1:])
+    state.turn = None if state.turn is None else (state.turn[0] + ahead, *state.turn[1:])
+    state.time_ns += ahead if state.time_ns != MISSING else 0
 
 
 # --- Sentences ------------------------------------------------------------------------------------
@@ -439,15 +449,17 @@ def _usbllong(state: _State, number: int, sentence: str) -> None:
     if len(values) != 16 or not all(map(isfinite, values)) or values[2] != int(values[2]):
         state.note(number, "not the 17 fields of USBLLONG")
         return
-    time = state.time_ns
-    if not state.stamped and (values[1] >= _UNIX_S or state.time_ns == MISSING):
-        time = int(scaled([fields[1]], 10**9)[0])
-        state.time_ns = time
-        state.dated = state.dated or values[1] >= _UNIX_S
-        if values[1] < _UNIX_S:
-            state.say("times of USBLLONG count from the start of the device")
+    since_1970 = values[1] >= _UNIX_S
+    if not state.stamped and (since_1970 or state.from_start or state.time_ns == MISSING):
+        now = int(scaled([fields[1]], 10**9)[0])
+        if state.from_start and since_1970:  # it has been set
+            _shift(state, now - state.time_ns)
+        state.time_ns = now
+        state.from_start = not since_1970
+        state.dated = state.dated or since_1970
     x, y, z, east, north, up = values[3:9]
-    fix = _Fix(number, time, f"USBL {int(values[2])}", std=values[15] if values[15] > 0 else nan)
+    std = values[15] if values[15] > 0 else nan
+    fix = _Fix(number, state.time_ns, f"USBL {int(values[2])}", std=std)
     if east or north or up:
         fix.north, fix.down = (north, east), -up
     else:

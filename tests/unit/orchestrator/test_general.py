@@ -14,6 +14,7 @@ from sblcosim.analysis.levels.analysis import GeneralFactorial, analyse
 from sblcosim.analysis.levels.medians import median_interval, median_pairs, median_table
 from sblcosim.errors import ConfigurationError
 from scipy import stats
+from seams import Seam
 from statsmodels.formula.api import ols
 from statsmodels.stats.anova import AnovaRM, anova_lm
 
@@ -420,6 +421,20 @@ def test_mistakes_are_named_in_one_line(case: str) -> None:
         analyse(table, response="y", **arguments)
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_a_model_that_is_too_large_is_refused(order: int, seam: Seam) -> None:
+    columns = {1: 1 + 2 + 3 + 1, 2: 7 + 6 + 2 + 3, 3: 24}[order]
+    seam.tuned(design_numbers=columns * 24)
+    analyse(crossed(), FACTORS, "y", order=order)
+    seam.tuned(design_numbers=columns * 24 - 1)
+    with pytest.raises(ConfigurationError) as caught:
+        analyse(crossed(), FACTORS, "y", order=order)
+    assert str(caught.value) == (
+        f"order: must make a design matrix of at most {columns * 24 - 1:,} numbers, got {columns} "
+        "columns for 24 combinations of levels; use a lower order"
+    )
 
 
 def normal(rng: np.random.Generator, runs: int) -> np.ndarray:

@@ -484,6 +484,8 @@ def test_long_logs_are_thinned_in_whole_rounds() -> None:
         assert np.ptp(np.unique(kept % 4, return_counts=True)[1]) <= 1
         assert kept[0] == 0
         assert kept[-1] > 0.98 * n - 100
+        blocks = np.split(kept, np.flatnonzero(np.diff(kept) != 1) + 1)
+        assert {len(block) for block in blocks[:-1]} <= {8}  # two rounds of four beacons
 
 
 @pytest.mark.slow

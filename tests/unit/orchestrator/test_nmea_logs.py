@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from log_samples import ORIGIN, gga, sentence
 from sblcosim import ConfigurationError, read_log
+from sblcosim.logs import nmea
 from sblcosim.logs.log import Log
 from sblcosim.logs.times import of_date
 from sblcosim.tracks.place import Origin
@@ -223,6 +224,36 @@ def test_usbllong_with_other_fields_is_counted(tmp_path: Path, fields: int) -> N
     assert Counter(it.what for it in log.findings) == {"not the 17 fields of USBLLONG": 1}
     assert log.fixes["USBL 2"].epoch_ns.tolist() == [1_700_000_000_250_000_000]
     assert log.fixes["USBL 2"].position.tolist() == [[1, 1, -1]]
+
+
+def _usbllong(time_s: float) -> str:
+    return f"USBLLONG,{time_s + 0.2},{time_s},2,1,2,3,4,5,-6,0,0,0,9000,-30,150,0.3"
+
+
+FROM_START = "times of USBLLONG count from the start of the device"
+FROM_MIDNIGHT = "no sentence has a date: times count from midnight"
+S = 10**9
+
+
+@pytest.mark.parametrize(("lines", "times", "remark"), [
+    ([_usbllong(3.5), _usbllong(4.0), _usbllong(6.25)], [3.5, 4.0, 6.25], FROM_START),
+    ([_usbllong(1.5e9), _usbllong(1.5e9 + 2)], [1.5e9, 1.5e9 + 2], ""),
+    # Its clock is set: what came before came just before. Or others tell the time, and the place.
+    ([_usbllong(3.5), _usbllong(4.0), _usbllong(1.5e9), _usbllong(1.5e9 + 2)],
+     [1.5e9 - 0.5, 1.5e9, 1.5e9, 1.5e9 + 2], ""),
+    ([_usbllong(3.5), _usbllong(4.0), _gga("200001.00"), sentence("HEHDT,90.0,T"),
+      _usbllong(7.0)], [72001.0], FROM_MIDNIGHT),
+    ([_usbllong(3.5), _usbllong(4.0), ZDA, *_ship()[1:], _usbllong(7.0)],
+     [NOON / S + 1], ""),
+])  # fmt: skip
+def test_times_of_usbllong_are_those_of_the_device_or_of_others(
+    tmp_path: Path, lines: list[str], times: list[float], remark: str
+) -> None:
+    raw = nmea.raw_of(tmp_path / "log.nmea", "\n".join(lines), {}, "")
+    said = {it for it in raw.remarks if it in (FROM_START, FROM_MIDNIGHT)}
+    assert said == ({remark} if remark else set())
+    found = raw.tables["fixes"]["time_ns"].to_numpy() / S
+    np.testing.assert_allclose(found, times, rtol=0, atol=1e-6)
 
 
 def test_a_file_without_positions_is_refused(tmp_path: Path) -> None:
