@@ -412,6 +412,7 @@ def _positions(capture: _Capture, raw: Raw, axes: str, masters: Floats) -> None:
                 "no numbers, or no position of the topside unit at that time")
     table = table[~lost].reset_index(drop=True)
     if "latitude_deg" in table and len(depths):
+        depths = depths.sort_values("time_ns", kind="stable")
         when = depths["time_ns"].to_numpy(np.int64)
         last = np.searchsorted(when, table["time_ns"].to_numpy(np.int64), "right") - 1
         table["depth_m"] = np.where(last >= 0, depths["depth_m"].to_numpy(float)[last], np.nan)

@@ -84,6 +84,17 @@ def test_positions_on_earth_give_the_origin(tmp_path: Path) -> None:
     assert any("the log has no origin: it is the first position" in it for it in log.remarks)
 
 
+def test_a_position_on_earth_has_the_depth_before_it_in_any_order_of_lines(tmp_path: Path) -> None:
+    polls = [_acoustic(k, 5.0 + k, 6.0, 7.0, z=2.0 + k) for k in range(6)]
+    polls += [_poll(k + 0.5, "position/global", {"lat": 60.0 + k / 1e5, "lon": 5.0})
+              for k in range(6)]  # fmt: skip
+    for order in (range(12), np.random.default_rng(3).permutation(12)):
+        log = _read(tmp_path, [polls[i] for i in order])
+        down = dict(zip(log.fixes["global"].epoch_ns, log.fixes["global"].position[:, 2],
+                        strict=True))  # fmt: skip
+        np.testing.assert_allclose([down[key] for key in sorted(down)], range(2, 8), atol=1e-6)
+
+
 def test_receivers_are_numbered_as_their_ranges(tmp_path: Path) -> None:
     log = _read(tmp_path, [_poll(0, "/api/v1/config/receivers", RECEIVERS),
                            _acoustic(1, 5.0, 6.0, 7.0)])
