@@ -28,6 +28,9 @@ _WIDTH = dict(zip(PARAMETERS, (4.0, 2.5, 2.0, 4.0, 2.0, 1.0, 3.0), strict=True))
 _NEVER, _SURE = -18.0, 0.1
 """The same for the share of ranges that are never late."""
 _STEP = 1e-3
+_FLAT = 2e-4
+"""Slope of the cost at which the search ends; with a larger one the last digits of processors show
+in the fourth of the result."""
 _LEAST_STEP, _MOST_STEP, _RISE = 2e-2, 0.64, 0.5
 """Steps of the curvature, and the rise of the cost that they need: from close by, the cost is not
 smooth."""
@@ -202,7 +205,7 @@ class _Cost:
                          strict=True))
         found: Floats = minimize(
             value_and_slope, begin, jac=True, method="BFGS",
-            options={"gtol": 2e-2, "maxiter": 60,
+            options={"gtol": _FLAT, "maxiter": 60,
                      "hess_inv0": np.diag([scale[name] for name in self.names])},
         ).x
         return found

@@ -457,7 +457,7 @@ def test_devices_are_as_recorded(name: str) -> None:
         "numbers": [as_recorded.fields_of(it) for it in device.numbers],
         "wider": device.wider, "remarks": device.remarks,
         "known": dict(device.known), "white": device.white_std,
-    })  # fmt: skip
+    }, as_recorded.SEARCHED)  # fmt: skip
 
 
 def test_scale_and_offset_are_not_told_where_distances_are_alike() -> None:
