@@ -172,7 +172,7 @@ def test_a_path_below_the_bottom_is_refused() -> None:
         decided(source("harbour-wakes"), {"depth": "9"})
 
 
-@pytest.mark.parametrize("seed", range(60))
+@pytest.mark.parametrize("seed", range(30))
 def test_random_answers_to_random_questions(seed: int) -> None:
     rng = random.Random(seed)
     begin = source(rng.choice([it for it in (*LIKES, *shipped()) if it != "harbour-wakes"]))
