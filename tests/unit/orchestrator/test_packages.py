@@ -1208,6 +1208,11 @@ def test_a_picture_explains_its_marks_and_keeps_long_names(
         with opened(path) as found:
             root = ElementTree.fromstring(svg(found, resolve(found.system)))
         said = [*root.iter("{http://www.w3.org/2000/svg}text")]
+        widest = max(
+            float(e.get("width", "0")) for e in root.iter("{http://www.w3.org/2000/svg}rect")
+        )
+        titles = [str(e.text) for e in said if e.get("class") == "title"]
+        assert widest > 6 * max(map(len, titles))
         return [str(e.text) for e in said], [str(child.text) for e in said for child in e]
 
     texts, _ = drawn(nested(tmp_path, stranger2))

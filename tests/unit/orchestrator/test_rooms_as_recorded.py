@@ -60,6 +60,13 @@ def late() -> Any:
     return made_logs.changed(log, [37, 111], -15.0)
 
 
+def alike() -> Any:
+    """A log whose ranges have errors that resemble those before."""
+    log = made_logs.made(seconds=240, std=0.05, seed=6, turning=0.05)
+    time = (log.receptions.arrival_ns - log.receptions.arrival_ns[0]) / 1e9
+    return made_logs.changed(log, slice(None), 0.25 * np.sin(time / 9 + log.receptions.beacon))
+
+
 def dive(scenario: str, **keys: Any) -> Callable[[Path], Any]:
     def made(folder: Path) -> Any:
         _, log = made_logs.written(folder, scenario, None, overrides={
@@ -75,6 +82,7 @@ LOGS: Mapping[str, Callable[[Path], Any]] = {
     "without truth": lambda _: made_logs.made(
         seconds=120, truth=False, origin=(300.0, -200.0, 2.0), start_s=50.0, seed=4, speed=1.2),
     "late": lambda _: late(),
+    "alike": lambda _: alike(),
     "sea": dive("realistic-sea"),
     "buoys": dive("gps-buoys"),
     "two-way": dive("harbour-square", **{"acoustics.ranging": "two_way",
@@ -89,13 +97,25 @@ def test_what_is_said_of_a_log_is_as_recorded(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     log = quietly(lambda: LOGS[name](Path("run")))
-    found = {"process": as_recorded.told(quietly(lambda: sblcosim.process(log)), tmp_path)}
+    found = {
+        "process": as_recorded.told(quietly(lambda: sblcosim.process(log)), tmp_path),
+        "smoothed": smoothed(log),
+    }
     ready = quietly(lambda: settled(log))
     settings = [ready.scenario.given(), start_values(ready, 0.5), ready.interval_ns, ready.slots]
     found["settings"] = json.loads(json.dumps(every(settings)).replace(str(tmp_path), "HERE"))
     as_recorded.check(f"log {name}", found)
     device = as_recorded.told(quietly(lambda: identify(log)), tmp_path)
     as_recorded.check(f"identified {name}", device, as_recorded.SEARCHED)
+
+
+def smoothed(log: Any) -> Any:
+    """Estimates of the smoother, or why there are none."""
+    try:
+        found = quietly(lambda: sblcosim.process(log, smooth=True))
+    except ConfigurationError as error:
+        return str(error)
+    return [as_recorded.fields_of(dict(found.made)), list(found.remarks)]
 
 
 @pytest.mark.parametrize("name", log_samples.SAMPLES)
