@@ -98,6 +98,15 @@ def test_a_wrong_parameter_is_refused_by_name(parameters, message):
     assert refusal({"a": ComponentSpec(Arrays, T, parameters)}) == message
 
 
+@pytest.mark.parametrize(
+    ("key", "got"),
+    [("scael", "an unknown name"), ("scale", "Float64 of 6"), ("mode", "Int32 of 1")],
+)
+def test_a_text_for_what_takes_none_is_refused_by_name(key, got):
+    message = refusal({"a": ComponentSpec(Arrays, T, texts={key: "file.csv"})})
+    assert message == f"a.{key}: must be a single text of an FMU, got {got}"
+
+
 def test_an_int32_parameter_without_bounds_must_fit_its_type():
     message = refusal({"r": ComponentSpec(Relay, T, {"first": 2**31})})
     assert message == "r.first: must be at most 2147483647, got 2147483648"
