@@ -417,17 +417,19 @@ def test_offsets_that_walk_are_told_and_then_count_as_noise(walk: float) -> None
         assert device.white_std() > np.hypot(0.1, walk * np.sqrt(300 / 6) / 2)
 
 
+def offsets_of(*offsets: float) -> list[Number]:
+    """Told offsets with a standard deviation of 0.15 m."""
+    half = 0.15 * stats.norm.ppf(0.975)
+    return [Number(f"range_offset[{i + 1}]", it, it - half, it + half, "m", YES, "")
+            for i, it in enumerate(offsets)]
+
+
 def test_late_ranges_that_receivers_expect_are_no_noise_of_an_offset_that_walks() -> None:
     share, mean, walk = 0.2, 1.5, 0.05
     logs = [np.log(0.1), np.log(share / (1 - share)), np.log(mean), -6.0, -3.0, -1.0, np.log(walk)]
     device = device_of(heard())
     motion = replace(device.motion, names=PARAMETERS, at=np.array(logs))
-    rows = [replace(it, told=TURNS) if it.parameter == "late_share" else it
-            for it in device.numbers]
-    rows = [replace(it, low=it.low + 2, high=it.high + 2)  # type: ignore[operator]
-            if it.parameter == "range_offset[2]" else it for it in rows]
-    device = replace(device, motion=motion, numbers=rows, wider=1.5)
-    assert device.offsets_std > 0.5
+    device = replace(device, motion=motion, numbers=offsets_of(0.0, 0.9, -0.9, 0.0), wider=1.5)
     wanders = walk**2 * np.ptp(device.ranges.time) / 6 + device.offsets_std**2
     for expected, more in ((0.0, 0.2), (0.15, 0.05), (0.3, 0.0)):
         noise = np.sqrt(0.1**2 + wanders + more * mean**2 * (2 - more))
@@ -444,9 +446,7 @@ def test_offsets_differ_by_more_than_their_uncertainty(
     offsets: list[float], found: float
 ) -> None:
     """With equal uncertainties, it is the variance of the offsets minus that of their errors."""
-    half = 0.15 * stats.norm.ppf(0.975)
-    rows = [Number(f"range_offset[{i + 1}]", it, it - half, it + half, "m", YES, "")
-            for i, it in enumerate(offsets)]
+    rows = offsets_of(*offsets)
     rows.append(Number("range_offset[9]", 5.0, 4.0, 6.0, "m", NOT, ""))
     rows.append(Number("depth_std", 5.0, 4.0, 6.0, "m", YES, ""))
     device = replace(device_of(heard()), numbers=rows)
