@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
-from scipy.special import stdtrit
+from scipy.special import chdtri, stdtrit
 
 from ..data.estimates import Floats, Integers
 from ..data.samples import Samples
@@ -44,6 +44,8 @@ ALIKE = 0.95
 LONG = 12.0
 """A slow error of positions is told if all series and axes together are that many times as long as
 the upper end of its correlation time. A shorter log tells it only if it looks faster than it is."""
+_CHANCE = 0.05
+"""Probability with which equal offsets of beacons are taken for different ones."""
 _WIDER = 1.1
 _LAGS = 20
 _LINEAR, CURVED = 1.15, 0.05
@@ -149,20 +151,45 @@ class Device:
         return {n.parameter: n.estimate for n in self.numbers
                 if n.told == YES and n.estimate is not None}
 
-    @property
-    def white_std(self) -> float:
+    def white_std(self, late: float = 0.0) -> float:
         """Noise of a device without memory [m], of which as much can be expected.
 
-        A walk counts with its scatter about its mean over the log, w √(T/6); late ranges that are
-        not told count with theirs beside it.
+        A walk counts with its scatter about its mean over the log, w √(T/6), and with that of the
+        beacons. Late ranges that are not told count with theirs beside it, as far as there are more
+        than receivers expect.
+
+        Parameters
+        ----------
+        late
+            Share of late ranges that receivers expect.
         """
         std, share, mean, *_, walk = self.motion.parameters.tolist()
         variance = std**2
         if self.motion.walks:
-            variance += walk**2 * float(np.ptp(self.ranges.time)) / 6
+            variance += walk**2 * float(np.ptp(self.ranges.time)) / 6 + self.offsets_std**2
             if "late_share" not in self.known:
-                variance += share * mean**2 * (2 - share)
+                more = max(share - late, 0.0)
+                variance += more * mean**2 * (2 - more)
         return float(np.sqrt(variance)) * self.wider
+
+    @property
+    def offsets_std(self) -> float:
+        """Standard deviation of the offsets of the beacons beyond their uncertainty [m].
+
+        That of random effects (R. DerSimonian, N. Laird, Controlled Clinical Trials 7, 1986); 0 if
+        the offsets differ by no more than chance.
+        """
+        rows = [n for n in self.numbers
+                if n.parameter.startswith("range_offset") and n.parameter in self.known]
+        if len(rows) < 2:
+            return 0.0
+        low, high = (np.array([getattr(n, end) for n in rows], float) for end in ("low", "high"))
+        offset, weight = (low + high) / 2, ((high - low) / (2 * _Z)) ** -2.0
+        total = float(weight.sum())
+        free, off = len(rows) - 1, float(weight @ (offset - weight @ offset / total) ** 2)
+        if off < chdtri(free, _CHANCE):
+            return 0.0
+        return float(np.sqrt((off - free) / (total - float(weight @ weight) / total)))
 
 
 _LATE_ON_PLATFORM = (

@@ -19,6 +19,7 @@ from ..catalogue import Figure, Job, by_name, jobs
 from ..data.estimates import Floats
 from ..data.tables import Columns, TableColumn
 from ..layout import fitted
+from ..scenario.arrangement import has_own_errors
 from ..scenario.scenario import Scenario
 from ..words.shares import percent
 from . import figures
@@ -144,7 +145,8 @@ class Identified(Answer):
         scale whose interval holds zero does not replace the base's. Correlated residuals tell less:
         the noise is then that of independent ranges that tell as much. Offsets that walk count as
         noise, too (`Device.white_std`), as no simulated device has them. Losses come in bursts
-        where the interval of their length does not hold that of independent losses.
+        where the interval of their length does not hold that of independent losses. Offsets that
+        differ by more than the places of fixed beacons are known to are errors of these places.
 
         What all arrivals of a ping share is part of the noise of a range: both stay as they are.
         Of two-way ranges, a loss is that of either leg, an offset is a delay of the answer, and the
@@ -160,7 +162,7 @@ class Identified(Answer):
         if self._shared():
             changes.pop(_KEYS["range_std"], None)
         elif "range_std" in known:
-            changes[_KEYS["range_std"]] = self.device.white_std
+            changes[_KEYS["range_std"]] = self.device.white_std(base.acoustics.outlier_probability)
         if "gps_std" in known or "gps_markov_std" in known:
             changes |= {key: known[n] for n, key in _GPS_KEYS.items() if n in known}
         assumed = base.acoustics.assumed_sound_speed_m_s
@@ -168,6 +170,8 @@ class Identified(Answer):
         ends = (scale.low, scale.high) if scale.told == YES else (None, None)
         if ends[0] is not None and ends[1] is not None and ends[0] * ends[1] > 0:
             changes["acoustics.sound_speed_m_s"] = assumed / (1 + known["range_scale"])
+        if has_own_errors(base.platform) and self.device.offsets_std > base.platform.mounting_std_m:
+            changes["platform.mounting_std_m"] = self.device.offsets_std
         offsets = [v for n, v in known.items() if n.startswith("range_offset")]
         if offsets and self._legs == 1:
             changes["acoustics.clock_offset_s"] = float(np.mean(offsets)) / assumed

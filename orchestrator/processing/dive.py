@@ -35,7 +35,7 @@ from ..simulation.how import How
 from ..web.page import content
 from ..web.playback import some_of
 from .align import aligned
-from .knowing import longest_of, silences
+from .knowing import USUAL, longest_of, silences
 from .pages import played
 from .playing import PORTS, Played
 from .processed import Processed
@@ -177,6 +177,7 @@ def _knowing(log: Log) -> dict[str, Any]:
     longest, silent = longest_of(log), silences(log)[0]
     return {
         "longest": longest if isfinite(longest) else None,
+        "usual": USUAL,
         "silences": [
             [begin - log.start_ns, min(end - log.start_ns, _LATER)]
             for begin, end in silent.tolist()

@@ -17,10 +17,10 @@ export function tablesOf(dive, run) {
   };
 }
 
-const median = (values) => {
+export function median(values) {
   const sorted = Float64Array.from(values).sort(), n = sorted.length;
   return n ? (sorted[(n - 1) >> 1] + sorted[n >> 1]) / 2 : NaN;
-};
+}
 const rms = (squares) => Math.sqrt(squares.reduce((sum, it) => sum + it, 0) / squares.length);
 
 function rowOf({ epoch, position: p, truth: q, factor }, plane) {

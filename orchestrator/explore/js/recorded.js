@@ -12,6 +12,7 @@
 //                               log; changed: keys that differ from the settings of the dive
 
 import { readRun } from "../../web/js/data.js";
+import { median } from "./misfits.js";
 import { nanoseconds, seconds } from "./numbers.js";
 import { sizeOf, startOf } from "./plans.js";
 import { cubic, estimatesOf, firstAt } from "./record.js";
@@ -136,8 +137,9 @@ function held(values, length, size) {
 function placed({ start_ns: start, origin, knowing }, record, label, found) {
   const position = record[`${label}.position`];
   const broken = found.rows.some((row) => [0, 1, 2].some((i) => !Number.isFinite(position[3 * row + i])));
-  const kept = found.rows.map((_, i) => i).filter((i) => !broken && knows(
-    knowing, start, found.epoch[i], stdOf(record, label, found.rows[i])));
+  const sizes = found.rows.map((row) => sizeOfClaim(record, label, row));
+  const knows = knowing ? thatKnow(knowing, start, Array.from(found.epoch), sizes) : () => true;
+  const kept = found.rows.map((_, i) => i).filter((i) => !broken && knows(i));
   const some = (column) => Float64Array.from(kept, (i) => column[i]);
   const later = (times) => some(times).map((t) => t + start / 1e9);
   const track = (own, off) => own && { x: some(own.x).map((v) => v + off[0]),
@@ -149,19 +151,25 @@ function placed({ start_ns: start, origin, knowing }, record, label, found) {
   };
 }
 
-function knows(knowing, start, epoch, std) {
-  if (!knowing) return true;
-  const before = (time) => (time - start) / 1e9;
-  const silence = knowing.silences.findLast(([begin]) => before(begin) < epoch);
-  const vague = knowing.longest !== null && std && Math.hypot(std[0], std[1]) > knowing.longest;
-  return !vague && !(silence && epoch < before(silence[1]));
+function thatKnow({ silences, longest, usual }, start, epoch, sizes) {
+  const spans = silences.map((ends) => ends.map((time) => (time - start) / 1e9));
+  const last = epoch.map((time) => spans.findLastIndex(([begin]) => begin < time));
+  const alone = epoch.map((time, i) => last[i] >= 0 && time < spans[last[i]][1]);
+  const limit = usual * median(sizes.filter((_, i) => !alone[i]));
+  const first = spans.map(() => Infinity);
+  epoch.forEach((time, i) => {
+    if (last[i] >= 0 && !alone[i] && sizes[i] <= limit) first[last[i]] = Math.min(first[last[i]], time);
+  });
+  return (i) => !alone[i] && !(last[i] >= 0 && epoch[i] < first[last[i]])
+    && !(longest !== null && sizes[i] > longest);
 }
 
-// Claimed standard deviations north and east [m]; null without a claim.
-function stdOf(record, label, row) {
+// Claimed deviation north and east [m]; 0 without a claim.
+function sizeOfClaim(record, label, row) {
   const covariance = record[`${label}.covariance`], std = record[`${label}.position_std`];
-  if (covariance) return [0, 14].map((i) => Math.sqrt(covariance[36 * row + i]));
-  return std ? [std[3 * row], std[3 * row + 1]] : null;
+  const [north, east] = covariance ? [0, 14].map((i) => Math.sqrt(covariance[36 * row + i]))
+    : std ? [std[3 * row], std[3 * row + 1]] : [0, 0];
+  return Math.hypot(north, east) || 0;
 }
 
 // The true position at an epoch from the start of the ticks [ns]: on the cubic between two instants

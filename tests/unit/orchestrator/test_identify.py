@@ -21,12 +21,14 @@ from sblcosim.identification.device import (
     TURNS,
     YES,
     Assumed,
+    Number,
     device_of,
     rounds,
 )
 from sblcosim.identification.innovations import (
     MOST_BEACONS,
     OFFSET,
+    PARAMETERS,
     PRIOR,
     Ranges,
     evaluate,
@@ -407,12 +409,48 @@ def test_offsets_that_walk_are_told_and_then_count_as_noise(walk: float) -> None
     assert it["range_std"].low < 0.1 < it["range_std"].high
     if walk == 0:
         assert it["range_walk"].told == NOT
-        assert device.white_std == it["range_std"].estimate * device.wider
+        assert device.white_std() == it["range_std"].estimate * device.wider
     else:
         assert it["range_walk"].told == YES
         assert it["range_walk"].low < walk < it["range_walk"].high
         assert any("offsets walk" in line for line in device.remarks)
-        assert device.white_std > np.hypot(0.1, walk * np.sqrt(300 / 6) / 2)
+        assert device.white_std() > np.hypot(0.1, walk * np.sqrt(300 / 6) / 2)
+
+
+def offsets_of(*offsets: float) -> list[Number]:
+    """Told offsets with a standard deviation of 0.15 m."""
+    half = 0.15 * stats.norm.ppf(0.975)
+    return [Number(f"range_offset[{i + 1}]", it, it - half, it + half, "m", YES, "")
+            for i, it in enumerate(offsets)]
+
+
+def test_late_ranges_that_receivers_expect_are_no_noise_of_an_offset_that_walks() -> None:
+    share, mean, walk = 0.2, 1.5, 0.05
+    logs = [np.log(0.1), np.log(share / (1 - share)), np.log(mean), -6.0, -3.0, -1.0, np.log(walk)]
+    device = device_of(heard())
+    motion = replace(device.motion, names=PARAMETERS, at=np.array(logs))
+    device = replace(device, motion=motion, numbers=offsets_of(0.0, 0.9, -0.9, 0.0), wider=1.5)
+    wanders = walk**2 * np.ptp(device.ranges.time) / 6 + device.offsets_std**2
+    for expected, more in ((0.0, 0.2), (0.15, 0.05), (0.3, 0.0)):
+        noise = np.sqrt(0.1**2 + wanders + more * mean**2 * (2 - more))
+        assert device.white_std(expected) == pytest.approx(1.5 * noise)
+
+
+@pytest.mark.parametrize(("offsets", "found"), [
+    ([0.3, 0.3, 0.3, 0.3], 0.0),
+    ([0.2, 0.4, 0.25, 0.35], 0.0),  # by chance
+    ([0.0, 0.9, -0.9, 0.0], np.sqrt(0.54 - 0.15**2)),
+    ([0.9], 0.0),
+])  # fmt: skip
+def test_offsets_differ_by_more_than_their_uncertainty(
+    offsets: list[float], found: float
+) -> None:
+    """With equal uncertainties, it is the variance of the offsets minus that of their errors."""
+    rows = offsets_of(*offsets)
+    rows.append(Number("range_offset[9]", 5.0, 4.0, 6.0, "m", NOT, ""))
+    rows.append(Number("depth_std", 5.0, 4.0, 6.0, "m", YES, ""))
+    device = replace(device_of(heard()), numbers=rows)
+    assert device.offsets_std == pytest.approx(found, rel=1e-5)
 
 
 def test_intervals_are_wider_where_residuals_resemble_the_ones_before() -> None:
@@ -456,7 +494,7 @@ def test_devices_are_as_recorded(name: str) -> None:
     as_recorded.check(f"device {name}", {
         "numbers": [as_recorded.fields_of(it) for it in device.numbers],
         "wider": device.wider, "remarks": device.remarks,
-        "known": dict(device.known), "white": device.white_std,
+        "known": dict(device.known), "white": device.white_std(),
     }, as_recorded.SEARCHED)  # fmt: skip
 
 

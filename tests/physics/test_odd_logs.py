@@ -1,0 +1,42 @@
+"""Claims of receivers on logs with several things wrong in each: neither lost nor dishonest."""
+
+from __future__ import annotations
+
+import pytest
+from odd_logs import ODD, odd_log
+from sblcosim import identify, process
+
+LEAST, MOST = 0.5, 2.2
+"""Claimed over made horizontal error that is honest."""
+SEEDS = range(100, 130)
+
+
+def judged(seed: int) -> tuple[float, float]:
+    """Error over the reach of the beacons, and claimed over made error, with what a log tells."""
+    drawn = odd_log(seed)
+    found = process(drawn.log, scenario=identify(drawn.log).scenario())
+    row = found.receivers.loc[found.main]
+    print(f"{seed}: {drawn.odd}: {row.horizontal_rms_m:.2f} m, {row.claimed_over_made:.2f}")
+    assert row.judged > 0.5 * row.estimates
+    return row.horizontal_rms_m / drawn.reach, row.claimed_over_made
+
+
+@pytest.mark.slow
+def test_claims_on_odd_logs_are_honest() -> None:
+    errors, claims = zip(*map(judged, SEEDS), strict=True)
+    assert max(errors) < 0.4
+    assert sum(LEAST <= it <= MOST for it in claims) >= len(SEEDS) - 1
+    assert 0.4 < min(claims) < max(claims) < 2.5
+
+
+@pytest.mark.parametrize("seed", [
+    pytest.param(108, id="misplaced"), pytest.param(130, id="walk, gaps"),
+])  # fmt: skip
+def test_claims_on_two_of_them_are(seed: int) -> None:
+    error, claim = judged(seed)
+    assert error < 0.2
+    assert LEAST <= claim <= MOST
+
+
+def test_the_logs_of_the_seeds_have_all_that_can_be_wrong() -> None:
+    assert {it for seed in SEEDS for it in odd_log(seed).odd} == {*ODD}
