@@ -609,10 +609,13 @@ export class Explorer {
   /** What was possible in the first dives, as of `sblcosim run`; see the head of this file. */
   async possible(count = POSSIBLE) {
     const state = this.#state, conditions = this.#conditions(state), found = [];
+    const pause = () => new Promise((done) => setTimeout(done)); // the page goes on meanwhile
     for (let i = 0; i < count; i++) {
-      await new Promise((done) => setTimeout(done));
+      await pause();
       if (state !== this.#state) return null;
       const { plan: { instants, receivers: labels }, values: record } = this.record(state.seed + i, isNeeded);
+      await pause();
+      if (state !== this.#state) return null;
       found.push(possibleOf(conditions, { record, instants, labels }));
       if (found[0].why) return found[0];
       count = Math.min(count, Math.ceil(MOST_POSSIBLE / instants.length));

@@ -36,7 +36,7 @@ const CAUSES = {
   "range noise": "acoustics.range_std_m", "packet loss": "acoustics.loss_probability",
   outliers: "acoustics.outlier_probability", "sound speed": "acoustics.sound_speed_m_s",
   "platform motion": "platform.beaufort",
-  tilt: "IMU, tilt", mounting: "Beacon mounting", misalignment: "Alignment of the beacons' frame",
+  tilt: "IMU tilt", mounting: "Beacon mounting", misalignment: "Alignment of the beacons' frame",
   timing: "Steps of arrival times", ping: "Noise shared by a ping", shadow: "Diver's shadow",
   echoes: "Echoes of surface and bottom", rounding: "Rounding in packets",
 };
@@ -72,7 +72,7 @@ const DEVICES = {
 const sets = (word) => word.startsWith("set");
 
 export function deviceOf(source, levels) {
-  const { device, quantity, of } = DEVICES[source](levels.map(({ word }) => word));
+  const { device, quantity, of } = DEVICES[source]([...new Set(levels.map(({ word }) => word))]);
   const level = levels.find(({ word, to }) => to > 0 && (source !== "clock" || sets(word)));
   return { device, detail: quantity && level ? `${quantity} ${of(level.to)} instead of ${of(level.from)}` : "" };
 }
