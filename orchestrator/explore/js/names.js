@@ -25,7 +25,7 @@ const NAMES = {
   "acoustics.loss_probability": "Pings lost",
   "acoustics.outlier_probability": "Late ranges",
   "acoustics.sound_speed_m_s": "Sound speed",
-  "target.speed_m_s": "Speed",
+  "target.speed_m_s": "Diver's speed",
   "target.depth_start_m": "Depth at the start",
   "target.depth_end_m": "Depth at the end",
 };
@@ -72,7 +72,8 @@ const DEVICES = {
 const sets = (word) => word.startsWith("set");
 
 export function deviceOf(source, levels) {
-  const { device, quantity, of } = DEVICES[source]([...new Set(levels.map(({ word }) => word))]);
+  const make = DEVICES[source] ?? (() => ({ device: `less error: ${inside(causeOf(source))}` }));
+  const { device, quantity, of } = make([...new Set(levels.map(({ word }) => word))]);
   const level = levels.find(({ word, to }) => to > 0 && (source !== "clock" || sets(word)));
   return { device, detail: quantity && level ? `${quantity} ${of(level.to)} instead of ${of(level.from)}` : "" };
 }
