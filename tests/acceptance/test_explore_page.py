@@ -555,6 +555,10 @@ def test_water_is_computed_where_one_looks_and_told_from_a_limit(
         $("colour").getAttribute("aria-pressed")];
       await done();
       const again = [page.water.cells.values.length, page.water.cells.values === known];
+      change(field("acoustics.range_std_m").querySelector("input[type=text]"), "0.3");
+      await until(() => page.water.grid); // coloured again, and interrupted by other dives
+      change($("count"), "{DIVES}");
+      await done();
       page.explorer.apply({{ given: {{ "acoustics.water_depth_m": 9 }} }});
       page.changed();
       await settle();

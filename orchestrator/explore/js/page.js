@@ -170,6 +170,7 @@ class Page {
 
   async compute() {
     const { explorer } = this, [main] = explorer.receivers;
+    if (this.water.isRunning) this.water.outdate(); // it is cancelled, too
     explorer.cancel();
     const turn = ++this.turn;
     if (this.log.isRough) return; // its settings have no path for other dives

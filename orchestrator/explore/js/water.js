@@ -3,6 +3,7 @@
 //   new Water(page)     .clear(), .on
 //   .outdate()            the settings are others: the colours turn pale, and words say why
 //   .isOld                whether they are to be computed again
+//   .isRunning            whether some are being computed
 //
 // With a limit [m], two colours: where the error is within it, and where it is not.
 
@@ -43,6 +44,8 @@ export class Water {
     this.page.stage.drawMap();
   }
 
+  get isRunning() { return this.on && (this.isOld || !this.cells || this.cells.done < this.cells.n); }
+
   async compute() {
     const { explorer, stage } = this.page, grid = this.grid = gridOf(stage);
     this.on = true;
@@ -55,9 +58,8 @@ export class Water {
     $("water-scale").hidden = false;
     const wanted = () => this.grid === grid;
     const result = await explorer.water(grid, (part) => this.take(part), wanted);
-    if (!wanted()) return;
-    if (!result) this.outdate(); // others are computed now
-    else if (result.why) {
+    if (!wanted() || !result) return;
+    if (result.why) {
       Object.assign(this, { isOld: false, cells: null, before: null });
       put($("water-words"), result.why);
       stage.drawMap();
