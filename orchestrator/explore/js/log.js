@@ -181,6 +181,7 @@ function verdicts(run, { receivers }, dive) {
 // Offset and standard deviation with as many decimals as give the deviation two digits.
 function residual(row) {
   if (!row) return NONE;
+  if (Math.abs(row.offset) < 0.0005 && row.std < 0.0005) return "0";
   const digits = decimalsOf(row.std);
   return `${decimal(row.offset, digits)} ± ${decimal(row.std, digits)}`;
 }
