@@ -980,7 +980,8 @@ def test_the_page_fits_its_window_and_every_control_has_a_name(
     shown = browsing(width=width, dark=dark, touch=width < 500).run(f"""{HELPERS}
       change($("search"), "gps");
       await until(() => $("so-far").textContent.endsWith("dives"));
-      for (const it of all("#compared b")) it.textContent = "long_baseline"; // the longest name
+      const {{ breakable }} = modules.explore_dom; // the longest name
+      for (const it of all("#compared b")) it.replaceChildren(...breakable("long_baseline"));
       await settle();
       const named = (it) => it.getAttribute("aria-label") || it.labels?.[0]?.textContent.trim()
         || (it.tagName === "BUTTON" && it.textContent.trim());

@@ -9,7 +9,6 @@
 //
 // A test compares the names with all controls and sources.
 
-
 const NAMES = {
   "platform.gps_grade": "GPS",
   "platform.gps_horizontal_markov_std_m": "GPS, slow error",
