@@ -13,6 +13,7 @@ from pathlib import Path
 
 import sblcosim
 from sblcosim.explore.contents import contents
+from sblcosim.explore.page import render
 
 SCRIPT = Path(__file__).parents[1] / "orchestrator" / "explore" / "js" / "explorer.js"
 HOST = """
@@ -74,8 +75,8 @@ def main() -> None:
         )  # fmt: skip
     for what, value in json.loads(done.stdout).items():
         print(f"{what:45} {value:8.3g}")
-    size = len(json.dumps(told))
-    print(f"{'contents of a page for 3 to 8 beacons, MB':45} {size / 1e6:8.3g}")
+    size = len(render(told).encode())
+    print(f"{'page for 3 to 8 beacons, MB':45} {size / 1e6:8.3g}")
 
 
 if __name__ == "__main__":

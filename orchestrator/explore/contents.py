@@ -27,7 +27,7 @@ from ..scenario.filling import DEFAULT_RECEIVER
 from ..scenario.labels import RAW
 from ..scenario.scenario import Scenario
 from ..scenario.schema import CORE_COMPONENTS, SEED, TABLES, given_of
-from ..scenario.tracks import follows
+from ..scenario.tracks import capacity, follows
 from ..simulation.plans.plan import LAG
 from ..style import LINES, THEMES
 from ..wasm import modules
@@ -37,9 +37,8 @@ from .parts import parts
 
 COMPARED = ("coupled", "ekf", "multilateration")
 """Receivers that every page has, beside those of its scenario."""
-MOST_POINTS = 256
-"""Largest number of points of a recorded track in a page."""
-POINTS = {TRACK_POINTS.name: MOST_POINTS}
+USUAL_POINTS = 256
+"""Largest number of points of a recorded track in a page, unless its scenario has a longer one."""
 LATE = "receiver.outlier_mean_m"
 """What a receiver assumes about late ranges: the mean excess of outliers and echoes."""
 LANES = (2, 1)
@@ -85,6 +84,7 @@ def contents(
     refuse(scenario)
     chosen = _chosen(scenario, receivers)
     types = [it for it in RECEIVERS if it in {*chosen.values(), *COMPARED}]
+    points = _points(scenario)
     counts = sorted({scenario.beacons, *beacons})
     for count in counts:
         if not BEACONS.least <= count <= BEACONS.most:
@@ -99,11 +99,11 @@ def contents(
         "types": types,
         "keys": declarations(),
         "words": {"lost": LOST, "misleading": MISLEADING},
-        "systems": {str(count): _system(count, types) for count in counts},
+        "systems": {str(count): _system(count, types, points) for count in counts},
         "rules": _rules(scenario),
         "bound": bounds.facts(),
         "sources": [_source(it) for it in SOURCES.values()],
-        "modules": _modules(counts, scenario.beacons, types, lanes),
+        "modules": _modules(counts, scenario.beacons, types, lanes, points),
         "dive": None if dive is None else document(scenario, receivers, dive),
     }
 
@@ -146,7 +146,7 @@ def refuse(scenario: Scenario) -> None:
     Raises
     ------
     ConfigurationError
-        It has files of other authors, or a track of too many points.
+        It has files of other authors, or a boat on a track.
     """
     for name in (*CORE_COMPONENTS, "receiver"):
         table = getattr(scenario, name)
@@ -160,12 +160,6 @@ def refuse(scenario: Scenario) -> None:
         raise ConfigurationError(
             f"{scenario.where('platform', key)}: must be left out to explore the scenario, as no "
             "boat of a page follows a track"
-        )
-    count = len(scenario.target.track_time_s or ())
-    if scenario.target.trajectory == "file" and count > MOST_POINTS:
-        raise ConfigurationError(
-            f"{scenario.where('target', 'track_tolerance_m')}: the diver must follow at most "
-            f"{MOST_POINTS} points in a page, got {count}; a larger tolerance keeps fewer"
         )
 
 
@@ -191,7 +185,15 @@ def given(scenario: Scenario) -> dict[str, Any]:
     return found
 
 
-def _system(beacons: int, types: Sequence[str]) -> dict[str, Any]:
+def _points(scenario: Scenario) -> dict[str, int]:
+    """The constant of the build for the diver's track."""
+    name = TRACK_POINTS.name
+    return {name: max(USUAL_POINTS, capacity("target", scenario.target)[name])}
+
+
+def _system(
+    beacons: int, types: Sequence[str], points: Mapping[str, int]
+) -> dict[str, Any]:
     """Components, start values and the settings module for a number of beacons."""
     names = {*CORE_COMPONENTS, *types}
     described = settings.description(beacons)
@@ -203,7 +205,7 @@ def _system(beacons: int, types: Sequence[str]) -> dict[str, Any]:
     }
     computed["values"] |= {f"levels.{it}": [place] for it, place in described["levels"].items()}
     return {
-        "parts": parts(types, beacons=beacons, **POINTS),
+        "parts": parts(types, beacons=beacons, **points),
         "defaults": {name: dict(starts(name, beacons)) for name in CORE_COMPONENTS},
         "settings": {**{k: described[k] for k in ("keys", "optional")}, **computed},
     }
@@ -247,7 +249,7 @@ def _rules(scenario: Scenario) -> dict[str, Any]:
             for name, it in CONTENTS.items()
         },
         "seed": {"least": SEED.min, "most": SEED.max},
-        "track_points": MOST_POINTS,
+        "track_points": _points(scenario)[TRACK_POINTS.name],
         "floor": FLOOR,
         "late": {"key": LATE, "value": _late(scenario)},
         "far": LONGEST_ARM,
@@ -277,15 +279,16 @@ def _late(scenario: Scenario) -> float | None:
 
 
 def _modules(
-    counts: Sequence[int], own: int, types: Sequence[str], lanes: Collection[int]
+    counts: Sequence[int], own: int, types: Sequence[str], lanes: Collection[int],
+    points: Mapping[str, int],
 ) -> dict[str, str]:
     """WebAssembly by its use, number of beacons and of lanes; compressed, as base64."""
-    found = {"bound": packed(bound.library(platform=WASM))}
+    found = {"bound": packed(bound.library(platform=WASM).read_bytes())}
     for count in counts:
-        found[f"settings.{count}"] = packed(settings.library(count, platform=WASM))
+        found[f"settings.{count}"] = packed(settings.library(count, platform=WASM).read_bytes())
         for lane in lanes if count == own else sorted(lanes)[-1:]:
-            file = modules.module(types, count, lane, **POINTS)
-            found[f"engine.{count}.{lane}"] = packed(file)
+            file = modules.module(types, count, lane, **points)
+            found[f"engine.{count}.{lane}"] = packed(file.read_bytes())
     return found
 
 
@@ -295,19 +298,20 @@ def ready(
 ) -> dict[str, Path]:
     """The modules of pages with the usual receivers, by cache key and name of the file."""
     types = [it for it in RECEIVERS if it in COMPARED]
+    points = {TRACK_POINTS.name: USUAL_POINTS}
     file = bound.library(platform=WASM)
     found = {f"{bound.key(WASM)}/{file.name}": file}
     for count in counts:
         file = settings.library(count, platform=WASM)
         found[f"{settings.key(count, WASM)}/{file.name}"] = file
         for lane in lanes:
-            file = modules.module(types, count, lane, **POINTS)
-            found[f"{modules.key(types, count, lane, **POINTS)}/{file.name}"] = file
+            file = modules.module(types, count, lane, **points)
+            found[f"{modules.key(types, count, lane, **points)}/{file.name}"] = file
     return found
 
 
-def packed(file: Path) -> str:
-    """A file, compressed with zlib and written as base64."""
-    return b64encode(zlib.compress(file.read_bytes(), 9)).decode()
+def packed(content: bytes) -> str:
+    """Bytes, compressed with zlib and written as base64."""
+    return b64encode(zlib.compress(content, 9)).decode()
 
 

@@ -11,7 +11,7 @@ from typing import Any
 from ..scenario.scenario import Scenario
 from ..web.bundle import module
 from ..web.page import environment, filled, saved, style
-from .contents import PackedDive, contents, document
+from .contents import PackedDive, contents, document, packed
 
 MAIN = "explore/js/page"
 """The module of the page: its DOM."""
@@ -74,7 +74,10 @@ def render(told: dict[str, Any]) -> str:
     """Text of a page, from its contents."""
     template = environment().from_string(_source("explore.html.jinja"))
     css = f"{style()}\n{_source('explore.css')}"
-    return filled(template, {**told, "worker": worker()}, css, MAIN)
+    rest = {name: it for name, it in told.items() if name != "modules"} | {"worker": worker()}
+    text = json.dumps(rest, ensure_ascii=False, separators=(",", ":"))
+    held = {"title": told["title"], "modules": told["modules"], "packed": packed(text.encode())}
+    return filled(template, held, css, MAIN)
 
 
 def worker() -> str:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import base64
 import json
+import re
 import shlex
 import subprocess
 import sys
+import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -347,7 +350,9 @@ def test_the_command_writes_a_dive_and_a_page_with_it(tmp_path: Path) -> None:
         assert done.stdout == f"written to {file}\n"
     alone = json.loads((tmp_path / "dive.json").read_text())
     text = (tmp_path / "page.html").read_text("utf-8")
-    assert alone["data"] in text
+    (held,) = re.findall('id="contents">(.*?)</script>', text)
+    contents_of = zlib.decompress(base64.b64decode(json.loads(held)["packed"]))
+    assert json.loads(contents_of)["dive"] == alone
     wrong = subprocess.run([*command, "--out", "page.txt"], cwd=tmp_path, capture_output=True,
                            text=True)
     assert wrong.returncode == 2

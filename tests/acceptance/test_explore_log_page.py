@@ -220,5 +220,6 @@ def test_a_page_of_a_log_without_scenario_and_truth_shows_only_that(
     assert shown["seen"] == [False] * 5
     assert shown["errors"] == "What is claimed over time"
     assert "coupled, ekf" in shown["tables"]
+    assert "0.000 ± 0.000" not in shown["tables"]  # the depth of raw is that of the log
     assert "sblcosim identify LOG" in shown["others"]
     assert shown["wide"] <= shown["most"]

@@ -21,6 +21,8 @@ from sblcosim.errors import SblcosimError
 from sblcosim.explore.contents import contents
 from sblcosim.explore.page import render
 from sblcosim.fmus.build import compiler
+from sblcosim.models.settings.presets import DECLARED, preset
+from sblcosim.scenario.error_sources import SOURCES
 from sblcosim.scenario.scenario import load
 from sblcosim.tracks.place import Origin
 
@@ -133,6 +135,176 @@ def test_what_is_shown_are_the_numbers_of_the_command_line(
         "acoustics.range_std_m", "platform.gps_grade", "platform.gps_horizontal_markov_std_m",
         "target.speed_m_s",
     }
+
+
+SHORT = json.dumps({"receivers": ["ekf"], "given": {"target.waypoint_m": [5, -5, 4, 5, 5, 4]}})
+"""A dive of one leg, so that it takes little time."""
+
+
+def test_the_verdict_before_a_change_is_beside_the_new_one(browsing: Callable[..., Tab]) -> None:
+    tab = browsing(SHORT)
+    shown = tab.run(f"""{HELPERS}
+      const done = () => until(() => $("so-far").textContent === "{DIVES} dives");
+      change($("count"), "{DIVES}");
+      await computed();
+      const told = () => [$("within").textContent, $("was").textContent,
+        $("before").hidden || getComputedStyle($("before")).visibility === "hidden"];
+      const seen = {{ first: told() }};
+      const set = async (name, act) => {{
+        act();
+        await settle();
+        seen[`${{name}} at once`] = told();
+        await done();
+        seen[name] = told();
+      }};
+      const type = (path, text) => change(field(path).querySelector("input[type=text]"), text);
+      await set("noise", () => type("acoustics.range_std_m", "3"));
+      await computed();
+      seen.told = $("told").textContent;
+      await set("grade", () => change(
+        field("platform.gps_grade").querySelector("select"), "rtk_fixed"));
+      await set("several", () => {{
+        type("acoustics.range_std_m", "0.1");
+        type("acoustics.loss_probability", "0.5");
+        page.explorer.unset("platform.gps_grade");
+        page.explorer.setArms([[4, 0, 1], [0, 4, 1], [-4, 0, 1], [0, -4, 1]]);
+        change($("seed"), "9");
+      }});
+      await set("receiver", () => change($("main-receiver"), "coupled"));
+      await set("refused", () => type("acoustics.loss_probability", "7"));
+      return seen;
+    """)
+    first = shown["first"]
+    assert first[1:] == ["", True]
+    assert shown["noise at once"][1:] == ["", True]  # what is seen beside it is of before
+    assert shown["noise"][1:] == [f"was {first[0]} with range noise 0.1 m", False]
+    assert shown["noise"][0] != first[0]
+    assert f"it was {first[0]} with range noise 0.1 m." in shown["told"]
+    assert shown["grade"][1] == f"was {shown['noise'][0]} with GPS as given"
+    within = shown["grade"][0]
+    assert shown["several"][1].startswith(f"was {within} with GPS RTK, fixed, range noise 3 m and ")
+    assert shown["several"][1].endswith(" 3 other settings")
+    assert shown["receiver"][1] == f"was {shown['several'][0]} with ekf"
+    assert shown["refused"][1:] == [shown["receiver"][1], False]
+
+
+def test_a_change_is_undone(browsing: Callable[..., Tab]) -> None:
+    """By keys; undoing is a change, too."""
+    tab = browsing(SHORT)
+    before, within = tab.run(f"""{HELPERS}
+      change($("count"), "{DIVES}");
+      await until(() => $("so-far").textContent === "{DIVES} dives");
+      return [page.explorer.link(), $("within").textContent];
+    """)
+    changed = tab.run(f"""{HELPERS}
+      change(field("platform.gps_grade").querySelector("select"), "standalone");
+      await settle();
+      await until(() => $("so-far").textContent === "{DIVES} dives");
+      $("undo-change").focus();
+      return [page.explorer.link(), $("within").textContent];
+    """)
+    undone = f"""{HELPERS}
+      const focus = document.activeElement.id;
+      await settle();
+      await until(() => $("so-far").textContent === "{DIVES} dives");
+      const told = [page.explorer.link(), $("within").textContent, $("was").textContent, focus];
+      $("undo-change").focus();
+      return told;
+    """
+    tab.key("Enter")
+    was = f"was {changed[1]} with GPS Standalone"
+    assert tab.run(undone) == [before, within, was, "verdict"]
+    tab.key("Enter")
+    assert tab.run(undone)[:2] == changed
+
+
+def test_one_line_of_the_verdict_stays_in_sight(browsing: Callable[..., Tab]) -> None:
+    """It covers neither much of a phone nor what has the focus."""
+    shown = browsing(SHORT, width=390, touch=True).run(f"""{HELPERS}
+      change($("count"), "{DIVES}");
+      await computed();
+      const line = $("glance"), first = line.hidden, more = {{}};
+      change(field("acoustics.range_std_m").querySelector("input[type=text]"), "3");
+      scrollTo(0, document.documentElement.scrollHeight);
+      await until(() => !line.hidden && $("was").textContent);
+      field("acoustics.range_std_m").querySelector("input[type=text]").focus();
+      await settle();
+      const box = line.getBoundingClientRect();
+      const under = document.activeElement.getBoundingClientRect();
+      const told = [line.textContent, $("within").textContent, $("was").textContent];
+      scrollTo(0, 0);
+      await until(() => line.hidden);
+      return {{ first, top: box.top, height: box.height, under: under.top, told,
+        end: line.hidden, read: line.getAttribute("aria-hidden") }};
+    """)
+    assert [shown["first"], shown["end"], shown["read"]] == [True, True, "true"]
+    assert shown["top"] == 0
+    assert 20 < shown["height"] < 0.06 * 844
+    assert shown["under"] >= shown["height"]
+    line, within, was = shown["told"]
+    assert line.split() == ["95", "%", "within", *within.split(), *was.split(), "ekf"]
+
+
+def test_controls_causes_and_devices_have_the_same_names(browsing: Callable[..., Tab]) -> None:
+    """A control of a source of error has its name, or one that begins with it."""
+    shown = browsing().run(f"""
+      const {{ causeOf, deviceOf }} = modules.explore_names;
+      const sources = {json.dumps({it.name: [
+          [*level] for part in it.parts for level in part.better.items()]
+          for it in SOURCES.values()})};
+      return {{ controls: page.fields.map(({{ path, name }}) => [path, name]),
+        causes: Object.keys(sources).map((it) => [it, causeOf(it)]),
+        devices: Object.entries(sources).filter(([, levels]) => levels.length).map(
+          ([it, levels]) => deviceOf(it, levels.map(
+            ([word, to]) => ({{ word, to, from: 3 * to }})))) }};
+    """)
+    names, controls = dict(shown["causes"]), dict(shown["controls"])
+    assert len({*names.values()}) == len(names)
+    assert all(it[0].isupper() for it in names.values())
+    compared = 0
+    for source in SOURCES.values():
+        keys = {key for part in source.parts for key in part.keys}
+        for path, name in controls.items():
+            table, _, key = path.partition(".")
+            # The keys of an IMU are of two sources, heading and tilt.
+            presets = DECLARED[key].values if key in DECLARED and key != "imu_grade" else ()
+            own = {path, *(f"{table}.{it}" for value in presets for it in preset(key, value))}
+            if own & keys:
+                assert name.partition(", ")[0] == names[source.name], path
+                compared += 1
+    assert compared > 8
+    for it in shown["devices"]:
+        assert it["device"]
+        assert "undefined" not in f"{it}"
+        assert len({*it["device"].split(", ")}) == len(it["device"].split(", "))
+    noise = {"device": "a better range measurement", "detail": "noise 0.02 m instead of 0.06 m"}
+    assert noise in shown["devices"]
+
+
+def test_a_receiver_keeps_its_colour(browsing: Callable[..., Tab]) -> None:
+    """Whichever others are shown, and whichever is the diver's."""
+    shown = browsing(SHORT).run(f"""{HELPERS}
+      const looks = [];
+      for (const some of [["ekf"], ["coupled", "ekf"], ["coupled"], ["ekf", "coupled"]]) {{
+        page.receivers.choose(some);
+        await settle();
+        looks.push(...page.stage.run.receivers.map(({{ label, colour, dash }}) =>
+          [label, JSON.stringify([colour, dash])]));
+      }}
+      return looks;
+    """)
+    assert len(shown) == 6 + 4
+    assert len({tuple(it) for it in shown}) == 3
+    assert len({look for _, look in shown}) == 3
+
+
+def test_lengths_have_two_digits_down_to_millimetres(browsing: Callable[..., Tab]) -> None:
+    texts = browsing().run("""
+      const { length } = modules.explore_phrases;
+      return [0, 1e-5, 0.0042, 0.0417, 0.417, 0.996, 4.17, 99.4, 123.4, 2e4, NaN].map(length);
+    """)
+    assert texts == ["0 m", "under 1 mm", "0.004 m", "0.042 m", "0.42 m", "1.0 m", "4.2 m",
+                     "99.4 m", "123 m", "more than 10 km", "–"]
 
 
 BITS = """
@@ -254,7 +426,8 @@ def test_what_is_possible_is_beside_errors_of_the_same_kind(
     many = run_many(scenario, ("coupled", "ekf"), runs=DIVES).runs
     rms = {it: many.level(NAME, it)["rms_over_runs"] for it in ("coupled", "ekf")}
     assert shown["possible"] == f"{best:.1f} m"
-    assert shown["reached"] == f"possible RMS error; coupled has {rms['coupled']:.1f} m"
+    has = f"coupled has {rms['coupled']:.1f} m"
+    assert shown["reached"] == f"RMS error of a perfect receiver; {has}"
     assert (
         f"RMS error of about {best:.1f} m. Here, coupled has {rms['coupled']:.1f} m, "
         f"ekf {rms['ekf']:.1f} m and raw"
@@ -320,7 +493,10 @@ def test_what_limits_the_receiver_and_what_to_buy_first_are_those_of_its_causes(
 def test_water_is_computed_where_one_looks_and_told_from_a_limit(
     browsing: Callable[..., Tab]
 ) -> None:
-    """Zoomed out, they grow; zoomed in, they get finer; a little changes nothing."""
+    """Zoomed out, they grow; zoomed in, they get finer; a little changes nothing.
+
+    Colours of settings that have changed are said to be old, until they are computed again.
+    """
     shown = browsing(json.dumps({"receivers": ["ekf"]})).run(f"""{HELPERS}
       const pictured = () => {{
         const {{ width, height }} = $("map");
@@ -371,9 +547,23 @@ def test_water_is_computed_where_one_looks_and_told_from_a_limit(
       for (let i = 0; i < 6; i++) $("nearer").click();
       await until(() => page.water.grid.size < wide[4]);
       const fine = page.water.grid.size;
+      await done();
+      const known = page.water.cells.values;
       change(field("acoustics.range_std_m").querySelector("input[type=text]"), "0.2");
       await settle();
-      return {{ first, coloured, many, two, wrong, none, near, wide, view, fine,
+      const old = [$("water-words").textContent, page.water.cells.values === known,
+        $("colour").getAttribute("aria-pressed")];
+      await done();
+      const again = [page.water.cells.values.length, page.water.cells.values === known];
+      change(field("acoustics.range_std_m").querySelector("input[type=text]"), "0.3");
+      await until(() => page.water.grid); // coloured again, and interrupted by other dives
+      change($("count"), "{DIVES}");
+      await done();
+      page.explorer.apply({{ given: {{ "acoustics.water_depth_m": 9 }} }});
+      page.changed();
+      await settle();
+      $("colour").click();
+      return {{ first, coloured, many, two, wrong, none, near, wide, view, fine, old, again,
         after: [page.stage.state.under, $("colour").getAttribute("aria-pressed"),
           $("water-scale").hidden] }};
     """)
@@ -394,6 +584,10 @@ def test_water_is_computed_where_one_looks_and_told_from_a_limit(
     assert size > 2 * shown["first"][4]
     np.testing.assert_allclose([south, north, west, east], shown["view"], atol=size)
     assert shown["fine"] < size / 2
+    assert shown["old"][0].startswith("out of date")
+    assert shown["old"][1:] == [True, "true"]
+    assert shown["again"][0] > 100
+    assert not shown["again"][1]
     assert shown["after"] == [None, "false", True]
 
 
@@ -785,6 +979,9 @@ def test_the_page_fits_its_window_and_every_control_has_a_name(
 ) -> None:
     shown = browsing(width=width, dark=dark, touch=width < 500).run(f"""{HELPERS}
       change($("search"), "gps");
+      await until(() => $("so-far").textContent.endsWith("dives"));
+      const {{ breakable }} = modules.explore_dom; // the longest name
+      for (const it of all("#compared b")) it.replaceChildren(...breakable("long_baseline"));
       await settle();
       const named = (it) => it.getAttribute("aria-label") || it.labels?.[0]?.textContent.trim()
         || (it.tagName === "BUTTON" && it.textContent.trim());

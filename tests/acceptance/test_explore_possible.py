@@ -27,6 +27,7 @@ from explored import (
     settings,
 )
 from quick import few
+from sblcosim.data.truth import state_at
 from sblcosim.explore.bounds import facts
 from sblcosim.explore.contents import contents
 from sblcosim.fmus.build import bound
@@ -330,6 +331,26 @@ def test_the_recursion_has_the_bits_of_the_library(name: str, tmp_path: Path) ->
     for found, known in zip(in_node(cases, tmp_path), expected, strict=True):
         for mine, theirs in zip(found, known, strict=True):
             np.testing.assert_array_equal(mine, theirs.ravel())
+
+
+def test_the_true_state_between_instants(tmp_path: Path) -> None:
+    """Place and velocity at any epoch, of a target at a multiple of the instants, or at them."""
+    draw, cases, expected = np.random.default_rng(8), [], []
+    for every in (1, 3):
+        time = np.arange(31) * 250_000_000
+        position, velocity = draw.normal(0, 9, (31, 3)), draw.normal(0, 1, (31, 3))
+        epoch = np.concatenate([draw.integers(0, time[-1], 80), time[[0, 4, 6, 30]]])
+        record = {"target.position": position.ravel().tolist(),
+                  "target.velocity": velocity.ravel().tolist()}
+        told = [time.tolist(), [*epoch.tolist(), -1, int(time[-1]) + 1]]
+        cases.append({"name": "states", "arguments": [record, told, every * 250_000_000]})
+        own = slice(None, None, every)
+        expected.append(state_at(time[own], position[own], velocity[own], epoch))
+    for found, known in zip(in_node(cases, tmp_path), expected, strict=True):
+        of = np.array(found, float).reshape(-1, 2, 3)
+        assert np.isnan(of[-2:]).all()  # before and after the dive
+        for i, theirs in enumerate(known):
+            np.testing.assert_allclose(of[:-2, i], theirs, rtol=1e-12, atol=1e-12)
 
 
 def test_information_despite_outliers(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@
 
 import { write } from "../../web/js/pen.js";
 import { $, element } from "./dom.js";
+import { inside } from "./names.js";
 import { share } from "./phrases.js";
 
 const LEAST = 0.01, MOST = 8;
@@ -20,7 +21,7 @@ function chosen(causes) {
 export function showCauses(causes, { done, n }) {
   const { large, scale } = chosen(causes);
   $("causes").replaceChildren(...large.map((it) => row(it, scale)));
-  const small = causes.filter((it) => !large.includes(it)).map((it) => it.name);
+  const small = causes.filter((it) => !large.includes(it)).map((it) => inside(it.label));
   $("causes-note").textContent = `${done < n ? `${done} of ${n}` : n} dives each, the same for all. `
     + (small.length ? `Less than ${share(LEAST)}, or unclear: ${small.join(", ")}.` : "");
 }
@@ -42,7 +43,7 @@ function partsOf({ share: without, interval: [low, high], better }, scale) {
 }
 
 function row(cause, scale) {
-  const { name, share: without, interval, better } = cause;
+  const { label, share: without, interval, better } = cause;
   const bar = element("div", { class: "bar", "aria-hidden": "true" });
   for (const [kind, from, to] of partsOf(cause, scale)) {
     const it = element("i", { class: kind });
@@ -51,10 +52,11 @@ function row(cause, scale) {
     bar.append(it);
   }
   return element("li", {},
-    element("p", { class: "cause" }, element("b", {}, name), element("span", {},
+    element("p", { class: "cause" }, element("b", {}, label), element("span", {},
       element("b", {}, minus(without)), ` ${range(interval)}`)),
     bar,
-    better ? element("p", { class: "note" }, element("b", {}, better.words), ` ${gained(better)}`) : null);
+    better ? element("p", { class: "note" }, element("b", {}, better.device),
+      ` ${better.detail ? `(${better.detail})` : ""} ${gained(better)}`) : null);
 }
 
 export function causesPicture(causes, look) {
@@ -71,13 +73,13 @@ export function causesPicture(causes, look) {
 }
 
 function drawRow(pen, cause, scale, top, look) {
-  const { name, share: without, interval, better } = cause, width = WIDTH - 2 * SIDE;
+  const { label, share: without, interval, better } = cause, width = WIDTH - 2 * SIDE;
   const text = (words, x, y, align, colour, bold = false) => {
     pen.font = look.font(12, bold);
     pen.textAlign = align;
     write(pen, words, x, y, colour, look.paper);
   };
-  text(name, SIDE, top + 16, "left", look.ink, true);
+  text(label, SIDE, top + 16, "left", look.ink, true);
   text(`${minus(without)} ${range(interval)}`, SIDE + width, top + 16, "right", look.ink);
   for (const [kind, from, to] of partsOf(cause, scale)) {
     pen.globalAlpha = kind === "without" ? FAINT : 1;
@@ -86,6 +88,6 @@ function drawRow(pen, cause, scale, top, look) {
     pen.fillRect(SIDE + width * from, y, width * (to - from), height);
   }
   pen.globalAlpha = 1;
-  if (better) text(`${better.words} ${gained(better)}`, SIDE, top + 47, "left", look.soft);
+  if (better) text(`${better.device} ${gained(better)}`, SIDE, top + 47, "left", look.soft);
   pen.textAlign = "left";
 }

@@ -223,7 +223,7 @@ function* path({ data, of, has }) {
     yield ["target.track_time_s", `[target] track_time_s[${late + 1}]: must be later than the ` +
       `previous point (${written(times[late - 1])}), got ${written(times[late])}`];
   else if (times.length > data.rules.track_points)
-    yield about("target.track_time_s", `must have at most ${data.rules.track_points} points in a page, ` +
+    yield about("target.track_time_s", `must have at most ${data.rules.track_points} points in this page, ` +
       `got ${times.length}`);
 }
 

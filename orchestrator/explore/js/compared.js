@@ -4,7 +4,7 @@
 //
 // `receivers` are of `explorer.dives`, by label; `styles` of its legend.
 
-import { $, element, put, swatch } from "./dom.js";
+import { $, breakable, element, put, swatch } from "./dom.js";
 import { binomialBelow } from "./distributions.js";
 import { length, whole } from "./phrases.js";
 import { WORDS } from "./receivers.js";
@@ -32,7 +32,7 @@ export class Comparison {
     const use = element("button", { type: "button", class: "use", "aria-label": `Use ${name}` }, "Use");
     use.addEventListener("click", () => this.use(name));
     const row = element("tr", { "data-receiver": name },
-      element("th", { scope: "row" }, element("label", {}, box, mark, element("b", {}, name)),
+      element("th", { scope: "row" }, element("label", {}, box, mark, element("b", {}, ...breakable(name))),
         element("span", { class: "note" }, WORDS[name] ?? "")),
       ...cells, element("td", {}, use));
     return { row, cells, mark, box, use };

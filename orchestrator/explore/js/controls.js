@@ -2,6 +2,7 @@
 
 import { $, element } from "./dom.js";
 import { Field } from "./field.js";
+import { nameOf } from "./names.js";
 
 // 0 and a decade-wise row of round numbers.
 function decades(from, to, steps = [1, 1.5, 2, 3, 5, 7]) {
@@ -18,8 +19,8 @@ const GPS = {
 };
 const CLOCKS = { crystal: "Crystal", tcxo: "TCXO", ocxo: "OCXO", csac: "Atomic (CSAC)" };
 const SEAS = {
-  0: "0, calm", 1: "1, light air", 2: "2, light", 3: "3, gentle", 4: "4, moderate", 5: "5, fresh",
-  6: "6, strong",
+  0: "Beaufort 0, calm", 1: "Beaufort 1, light air", 2: "Beaufort 2, light", 3: "Beaufort 3, gentle",
+  4: "Beaufort 4, moderate", 5: "Beaufort 5, fresh", 6: "Beaufort 6, strong",
 };
 
 // Keys that say where the beacons are, if they are not at the ends of the platform's arms.
@@ -28,52 +29,52 @@ export const PLACES = ["beacon_m", "beacons", "arrangement", "beacon_scale", "mo
 
 const GROUPS = [
   ["Equipment", [
-    ["platform.gps_grade", { label: "GPS", names: GPS,
+    ["platform.gps_grade", { names: GPS,
       about: "The kind of GPS at the beacons, from standalone, the least accurate, to RTK. It sets all numbers of the GPS." }],
-    ["platform.gps_horizontal_markov_std_m", { label: "GPS, slow error", stops: decades(-2, 1),
+    ["platform.gps_horizontal_markov_std_m", { stops: decades(-2, 1),
       about: "How far the GPS position drifts, slowly, to the north and to the east (standard deviation)." }],
-    ["platform.imu_grade", { label: "IMU",
+    ["platform.imu_grade", {
       about: "The sensor of heading, roll and pitch on the platform. A grade sets all its numbers." }],
-    ["platform.imu_heading_bias_deg", { label: "Compass error", stops: [0, 0.1, 0.2, 0.5, 1, 1.5, 2, 3, 4, 5, 6, 8, 10, 15, 20],
+    ["platform.imu_heading_bias_deg", { stops: [0, 0.1, 0.2, 0.5, 1, 1.5, 2, 3, 4, 5, 6, 8, 10, 15, 20],
       about: "A fixed error of the platform's heading. It turns all reported beacons, so far divers are more off." }],
-    ["acoustics.clock_grade", { label: "Diver's clock", names: CLOCKS,
+    ["acoustics.clock_grade", { names: CLOCKS,
       about: "The kind of clock that times the pings. A range is a travel time, so an error of the clock is one of all ranges." }],
-    ["acoustics.clock_offset_s", { label: "Clock error at start", stops: decades(-5, -2, [1, 2, 3, 5, 7, 9]),
+    ["acoustics.clock_offset_s", { stops: decades(-5, -2, [1, 2, 3, 5, 7, 9]),
       about: "How far the diver's clock is off at the start. One thousandth of a second is about 1.5 m in each range." }],
-    ["acoustics.range_std_m", { label: "Range noise", stops: decades(-2, 1),
+    ["acoustics.range_std_m", { stops: decades(-2, 1),
       about: "The random error of each measured distance to a beacon (standard deviation)." }],
-    ["platform.arm_length_m", { label: "Platform's arms", stops: [0.2, 0.3, 0.4, 0.5, 0.75, 1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10, 15, 20, 30],
+    ["platform.arm_length_m", { stops: [0.2, 0.3, 0.4, 0.5, 0.75, 1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10, 15, 20, 30],
       instead: PLACES,
       about: "How far each beacon is from the middle of the platform, on a cross. If beacons were moved, a length puts them back on the cross." }],
   ]],
   ["Timing", [
-    ["time.sampling_time_s", { label: "Time between pings", stops: [0.1, 0.2, 0.25, 0.5, 1, 2, 3, 4, 5, 10],
+    ["time.sampling_time_s", { stops: [0.1, 0.2, 0.25, 0.5, 1, 2, 3, 4, 5, 10],
       about: "The beacons ping one after the other, unless the schedule is another one: this is the time from one ping to the next." }],
-    ["time.ekf_ratio", { label: "Pings per update", stops: [1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20],
+    ["time.ekf_ratio", { stops: [1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20],
       about: "After how many pings the receiver computes a new position." }],
   ]],
   ["Water", [
-    ["platform.beaufort", { label: "Sea, Beaufort", names: SEAS,
+    ["platform.beaufort", { names: SEAS,
       about: "The wind force, which sets the waves that move the beacons." }],
-    ["acoustics.loss_probability", { label: "Pings lost", stops: shares,
+    ["acoustics.loss_probability", { stops: shares,
       about: "Share of the pings that do not arrive: 0.25 is one in four." }],
-    ["acoustics.outlier_probability", { label: "Late ranges (echoes)", stops: shares,
-      about: "Share of the ranges that are too long, because the sound came by a detour: 0.05 is one in twenty." }],
-    ["acoustics.sound_speed_m_s", { label: "Sound speed", stops: [1430, 1440, 1450, 1460, 1470, 1480, 1490, 1500, 1510, 1520, 1530, 1540, 1550],
+    ["acoustics.outlier_probability", { stops: shares,
+      about: "Share of the ranges that are too long, because the sound came by a detour, as echoes do: 0.05 is one in twenty." }],
+    ["acoustics.sound_speed_m_s", { stops: [1430, 1440, 1450, 1460, 1470, 1480, 1490, 1500, 1510, 1520, 1530, 1540, 1550],
       about: "The true speed of sound in the water. The receiver computes with one that it assumes." }],
   ]],
   ["Diver", [
-    ["target.speed_m_s", { label: "Speed", stops: [0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.8, 1, 1.5, 2],
+    ["target.speed_m_s", { stops: [0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.8, 1, 1.5, 2],
       about: "How fast the diver swims along the path. A faster dive ends sooner." }],
-    ["target.depth_start_m", { label: "Depth at the start", stops: [0.5, 1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 20, 25, 30, 40] }],
-    ["target.depth_end_m", { label: "Depth at the end", stops: [0.5, 1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 20, 25, 30, 40] }],
+    ["target.depth_start_m", { stops: [0.5, 1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 20, 25, 30, 40] }],
+    ["target.depth_end_m", { stops: [0.5, 1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 20, 25, 30, 40] }],
   ]],
 ];
 
 /** What a key is called beside its control, and what is said of it. */
 export const wordsOf = (path) => {
   const found = GROUPS.flatMap(([, rows]) => rows).find(([it]) => it === path);
-  return found ? `${found[1].label} ${found[1].about ?? ""}` : "";
+  return found ? `${nameOf(path)} ${found[1].about ?? ""}` : "";
 };
 
 /** The groups of controls, in the element "controls"; all their fields. */
@@ -81,7 +82,7 @@ export function makeControls(page) {
   const fields = [];
   for (const [name, rows] of GROUPS) {
     const own = rows.filter(([path]) => page.changes.keys.has(path))
-      .map(([path, options]) => new Field(page, path, options));
+      .map(([path, options]) => new Field(page, path, { label: nameOf(path), ...options }));
     fields.push(...own);
     $("controls").append(element("fieldset", {},
       element("legend", {}, name), ...own.map((field) => field.element)));

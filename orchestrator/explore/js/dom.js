@@ -36,6 +36,10 @@ export function swatch({ colour, dash, fix }) {
   }, ...marks);
 }
 
+// A name that may be broken after its underscores.
+export const breakable = (name) =>
+  name.split(/(?<=_)/).flatMap((part, i) => i ? [element("wbr"), part] : [part]);
+
 // Text of an element, set only if it differs: screen readers repeat what is set again.
 export function put(target, text) {
   if (target.textContent !== text) target.textContent = text;

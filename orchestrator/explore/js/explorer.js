@@ -38,16 +38,17 @@
 //   dives(count, onPart)       async; { n, done, receivers: { label: { runs, p50, p95, rms, lost,
 //                              failed, misleading, misleadingKnown, claim, histogram, each } } }
 //   causes(onPart, count)      async, of the first receiver; { n, done, receiver, within [m], causes:
-//                              [{ name, words, share, interval, better }] by share, first }: what
-//                              goes away of the 95 % error without a cause; better: { words, gain,
-//                              interval, clear } of better equipment, or null; first: the name of the
-//                              cause whose better equipment gains most, clear of chance, or null
+//                              [{ name, label, share, interval, better }] by share, first }: what
+//                              goes away of the 95 % error without a cause; label: see `names.js`;
+//                              better: { device, detail, gain, interval, clear } of better equipment,
+//                              or null; first: the name of the cause whose better equipment gains
+//                              most, clear of chance, or null
 //   possible(count)            async, what was possible in the first dives; { dives, receivers: { label:
 //                              { kind, accuracy, absolute, relative [m], with [m], leftOut: { words: m },
 //                              … } } }; without receivers and with a sentence `why` if there is none
 //   water(grid, onPart, wanted) async, of the first receiver; 95 % error by place:
-//                              { north, east, size, depth, values, n, done }; null as soon as
-//                              `wanted()` no longer says true
+//                              { north, east, size, depth, values, n, done }, or { why } if there is
+//                              none; null as soon as `wanted()` no longer says true
 //   cancel()                   stop what workers do
 
 import { Engine, Pool } from "../../wasm/engine.js";
@@ -495,10 +496,10 @@ export class Explorer {
 
   get #looks() {
     const { lines, colours } = this.#data.rules.style;
-    let filters = 0;
+    const filters = [...new Set([...this.#loadedReceivers, ...this.#data.types])].filter((it) => it !== FIX);
     return this.#state.chosen.map(({ label, type }) => {
       if (type === FIX) return { label, fix: true, colour: "soft", dash: [] };
-      const number = filters++;
+      const number = filters.indexOf(type); // a receiver keeps its colour, whatever others are shown
       return { label, fix: false, colour: `line-${number % colours}`, dash: lines[number % lines.length] };
     });
   }
@@ -556,7 +557,7 @@ export class Explorer {
     return this.#pools.get(beacons);
   }
 
-  /** What causes switch: [{ name, words, off, better }]. */
+  /** What causes switch: see `switchesOf`. */
   get switches() { return switchesOf({ ...this.#data, byPath: this.byPath }, this.#state); }
 
   /** What limits the first receiver; see the head of this file. */
@@ -608,10 +609,13 @@ export class Explorer {
   /** What was possible in the first dives, as of `sblcosim run`; see the head of this file. */
   async possible(count = POSSIBLE) {
     const state = this.#state, conditions = this.#conditions(state), found = [];
+    const pause = () => new Promise((done) => setTimeout(done)); // the page goes on meanwhile
     for (let i = 0; i < count; i++) {
-      await new Promise((done) => setTimeout(done));
+      await pause();
       if (state !== this.#state) return null;
       const { plan: { instants, receivers: labels }, values: record } = this.record(state.seed + i, isNeeded);
+      await pause();
+      if (state !== this.#state) return null;
       found.push(possibleOf(conditions, { record, instants, labels }));
       if (found[0].why) return found[0];
       count = Math.min(count, Math.ceil(MOST_POSSIBLE / instants.length));

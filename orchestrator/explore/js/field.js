@@ -1,7 +1,7 @@
 // The control of one key: a slider or a list, a number to type, what is wrong with it, and a reset.
 //
 //   new Field(page, path, { label, stops, names, about, instead, wide })
-//   .element, .show()
+//   .element, .show(), .said
 //
 // `page` has `explorer`, `changes` and `changed()`. `stops` are the values of the slider, `names` those
 // of choices, `about` explains the key, by default in its own words. `instead` are keys that may take
@@ -114,6 +114,15 @@ export class Field {
     this.problem.hidden = !problem;
     put(this.problem, problem ?? "");
     this.control.setAttribute("aria-invalid", String(Boolean(problem)));
+  }
+
+  /** What holds now, in words. */
+  get said() {
+    const { control, key: { unit } } = this;
+    if (control.type === "checkbox") return control.checked ? "on" : "off";
+    if (control.tagName === "SELECT") return control.selectedOptions[0]?.text ?? "";
+    const text = typed(this.page.explorer.value(this.path));
+    return !unit ? text : unit === "°" ? `${text}°` : `${text} ${unit}`;
   }
 
   show() {

@@ -2,6 +2,7 @@
 // the same dives. The switches are those of `sblcosim budget`.
 
 import { chiSquareBeyond } from "./distributions.js";
+import { causeOf, deviceOf } from "./names.js";
 
 const ALL = "as it is", OFF = "without ", BETTER = "better ";
 const PART = 32; // dives with each switch before they are shown
@@ -10,17 +11,20 @@ const BITS = ["acoustics.packet_resolution_m", "acoustics.packet_angle_resolutio
 
 // --- Switches ------------------------------------------------------------------------------------
 
-/** Switches of a state: [{ name, words, off, better }]; keys to change, and equipment with its words. */
+/**
+ * Switches of a state: [{ name, label, off, better }]. `off`: keys to change; better: { device, detail,
+ * changes } or null.
+ */
 export function switchesOf(data, state) {
-  return data.sources.flatMap(({ name, words, parts }) => {
-    const off = {}, better = {}, equipment = [];
+  return data.sources.flatMap(({ name, parts }) => {
+    const off = {}, better = {}, levels = [];
     for (const part of parts) {
-      Object.assign(off, reduced(data, state, part, part.off));
-      for (const [word, level] of part.better) {
-        const changes = reduced(data, state, part, level);
+      Object.assign(off, reduced(data, state, part, part.off).changes);
+      for (const [word, to] of part.better) {
+        const { changes, from } = reduced(data, state, part, to);
         if (!Object.keys(changes).length) continue;
         Object.assign(better, changes);
-        if (!equipment.includes(word)) equipment.push(word);
+        levels.push({ word, from, to });
         break;
       }
     }
@@ -28,32 +32,26 @@ export function switchesOf(data, state) {
       if (BITS.some((key) => key in changes) && state.values.get("acoustics.packet_bits"))
         changes["acoustics.packet_bits"] = null; // bits cannot hold values that are not rounded
     if (!Object.keys(off).length) return [];
-    return [{ name, words, off, better: equipment.length ? { words: called(name, equipment), changes: better } : null }];
+    const known = levels.length ? { ...deviceOf(name, levels), changes: better } : null;
+    return [{ name, label: causeOf(name), off, better: known }];
   });
 }
 
-// "RTK GPS", "heading of 0.5°", "OCXO clock set to 0.05 m".
-function called(name, equipment) {
-  const before = equipment.filter((it) => /^[a-zA-Z]/.test(it) && !it.startsWith("set to"));
-  const after = equipment.filter((it) => !before.includes(it)).map(
-    (it) => it.startsWith("set to") ? it : `of ${it}`);
-  return [...before, name, ...after].join(" ");
-}
-
-// The keys of a part that have an effect, scaled to a level; empty if not above it.
+// The keys of a part that have an effect, scaled to a level: { changes, from }, the latter their size
+// now; no changes if it is not above the level.
 function reduced(data, { values }, part, to) {
   const about = part.about ? values.get(part.about) : 0;
   const keys = part.keys.filter((path) => values.get(path) !== undefined && hasEffect(data, values, path));
   const flat = keys.flatMap((path) => [values.get(path)].flat());
   const size = Math.hypot(...flat.map((it) => it - about)), level = part.relative ? to * about : to;
-  if (!(size > level * (1 + 1e-9))) return {};
-  const changes = {};
+  const changes = {}, from = part.relative ? size / about : size;
+  if (!(size > level * (1 + 1e-9))) return { changes, from };
   for (const path of keys) {
     const value = values.get(path), each = [value].flat();
     const scaled = each.map((it) => about + (it - about) * (level / size));
     if (scaled.some((it, i) => it !== each[i])) changes[path] = Array.isArray(value) ? scaled : scaled[0];
   }
-  return changes;
+  return { changes, from };
 }
 
 /** Whether the conditions of a key hold. */
@@ -104,13 +102,13 @@ export async function causesOf(lab, switches, count, onPart) {
 function limitsOf(switches, { [ALL]: whole, ...others }, seed, draws) {
   const { within, shares } = sharesOf(whole, others, seed, draws);
   const several = switches.filter(({ better }) => better).length;
-  const causes = switches.flatMap(({ name, words, better }) => {
+  const causes = switches.flatMap(({ name, label, better }) => {
     const off = shares[`${OFF}${name}`], own = better && shares[`${BETTER}${name}`];
     if (!off || !Number.isFinite(off.share)) return [];
     return [{
-      name, words, share: off.share, interval: off.interval,
+      name, label, share: off.share, interval: off.interval,
       better: own && Number.isFinite(own.share) ? {
-        words: better.words, gain: own.share, interval: own.interval, clear: isClear(own, several),
+        device: better.device, detail: better.detail, gain: own.share, interval: own.interval, clear: isClear(own, several),
       } : null,
     }];
   }).sort((a, b) => b.share - a.share);

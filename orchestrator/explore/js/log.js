@@ -6,7 +6,7 @@
 
 import { $, element, put, swatch } from "./dom.js";
 import { tablesOf } from "./misfits.js";
-import { length } from "./phrases.js";
+import { decimalsOf, length } from "./phrases.js";
 import { adopt, commandOf, readDive } from "./recorded.js";
 import { decimal } from "../../web/js/pen.js";
 
@@ -181,7 +181,8 @@ function verdicts(run, { receivers }, dive) {
 // Offset and standard deviation with as many decimals as give the deviation two digits.
 function residual(row) {
   if (!row) return NONE;
-  const digits = row.std < 0.0995 ? 3 : row.std < 0.995 ? 2 : 1;
+  if (Math.abs(row.offset) < 0.0005 && row.std < 0.0005) return "0";
+  const digits = decimalsOf(row.std);
   return `${decimal(row.offset, digits)} ± ${decimal(row.std, digits)}`;
 }
 

@@ -5,6 +5,7 @@ import { Stage } from "../../web/js/stage.js";
 import { lookOf } from "../../web/js/style.js";
 import { surface } from "../../web/js/surface.js";
 import { BeaconEditor } from "./beacons.js";
+import { Before } from "./before.js";
 import { causesPicture, showCauses } from "./causes.js";
 import { isShown, makeControls } from "./controls.js";
 import { $, download, element, put, swatch } from "./dom.js";
@@ -19,6 +20,7 @@ import { SettingsList } from "./settings.js";
 import { Changes } from "./changes.js";
 import { Comparison } from "./compared.js";
 import { showBuy, showVerdict, tell } from "./verdict.js";
+import { unpacked } from "./unpacked.js";
 import { Water } from "./water.js";
 
 const NO_FIT = "The link has settings that do not fit this page: ";
@@ -29,6 +31,7 @@ class Page {
     Object.assign(this, { explorer, changes, turn: 0, summary: null });
     this.stage = new Stage(run, { title: explorer.title, kind: "total", keys: $("dive") });
     this.fields = makeControls(this);
+    this.before = new Before(this);
     this.receivers = new ReceiverChoice(this);
     this.comparison = new Comparison(this);
     this.beacons = new BeaconEditor(this);
@@ -65,6 +68,9 @@ class Page {
         button.addEventListener("click", () => this.save(name, button.dataset.save.split(" ")[1]));
       });
     }
+    // Where the verdict is out of sight, one line of it stays.
+    new IntersectionObserver(([{ isIntersecting }]) => { $("glance").hidden = isIntersecting; })
+      .observe($("verdict"));
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.drawHistogram());
     addEventListener("hashchange", () => this.follow());
   }
@@ -79,13 +85,18 @@ class Page {
 
   // A link carries settings: explore.html#…
   async follow() {
-    const settings = Explorer.settingsOf(location.hash);
-    if (!settings) return;
+    if (!Explorer.settingsOf(location.hash)) return;
     await this.explorer.loaded;
-    this.explorer.reset();
-    const problem = this.explorer.apply(settings);
-    this.changed();
+    const problem = this.adopt(location.hash);
     if (problem) requestAnimationFrame(() => this.report(NO_FIT + problem));
+  }
+
+  // The settings of a link in place of all others; null, or why they are refused.
+  adopt(link) {
+    this.explorer.reset();
+    const problem = link ? this.explorer.apply(Explorer.settingsOf(link)) : null;
+    this.changed();
+    return problem;
   }
 
   report(sentence) {
@@ -115,8 +126,9 @@ class Page {
       this.changes.refresh();
       this.show();
       if (this.isComputed()) return; // refused
+      this.before.leave();
       this.turn++;
-      if (this.water.on) this.water.clear();
+      if (this.log.dive) this.water.clear(); else this.water.outdate();
       put($("so-far"), "…"); // what is shown beside it is of other settings, for a moment
       document.body.classList.add("computing");
       this.stage.replace(this.log.run() ?? this.explorer.dive());
@@ -158,6 +170,7 @@ class Page {
 
   async compute() {
     const { explorer } = this, [main] = explorer.receivers;
+    if (this.water.isRunning) this.water.outdate(); // it is cancelled, too
     explorer.cancel();
     const turn = ++this.turn;
     if (this.log.isRough) return; // its settings have no path for other dives
@@ -180,11 +193,13 @@ class Page {
       const [summary] = await Promise.all([explorer.dives(Number($("count").value), take), known]);
       if (!summary || turn !== this.turn) return;
       take(summary);
+      this.before.keep(summary.receivers[main].p95, main);
+      if (this.water.isOld) this.water.compute();
       const found = await explorer.causes((part) => this.takeCauses(part, turn));
       if (!found || turn !== this.turn) return;
       this.takeCauses(found, turn);
       showBuy(found, summary.receivers[main].p95);
-      tell(summary.receivers[main].p95, main);
+      tell(summary.receivers[main].p95, main, this.before.sentence);
       document.body.classList.remove("computing");
     } catch (error) {
       if (turn === this.turn) this.report(`The dives could not be computed: ${error.message}`);
@@ -202,6 +217,7 @@ class Page {
     this.summary = { ...summary, main };
     const styles = Object.fromEntries(this.stage.run.receivers.map((it) => [it.label, it]));
     showVerdict(summary, styles, main);
+    this.before.show();
     this.comparison.take(summary.receivers, styles, main);
     put($("dives-note"), `Bars: how often an error of that size occurs. ${summary.done} dives, each with its own waves, noise and losses: seeds ${seedsOf(this.explorer.seed, summary.done)}.`);
     const { p50, p95 } = summary.receivers[main];
@@ -250,7 +266,8 @@ const makeWorker = (script) => () =>
 async function start() {
   if (typeof WebAssembly === "undefined") throw new Error("this browser has no WebAssembly");
   if (typeof DecompressionStream === "undefined") throw new Error("this browser has no DecompressionStream");
-  const contents = JSON.parse($("contents").textContent);
+  const { modules, packed } = JSON.parse($("contents").textContent);
+  const contents = { ...JSON.parse(new TextDecoder().decode(await unpacked(packed))), modules };
   const explorer = await Explorer.open(contents, makeWorker(contents.worker));
   const changes = new Changes(explorer), settings = Explorer.settingsOf(location.hash);
   if (settings) await explorer.loaded;

@@ -2,12 +2,18 @@
 
 import { decimal } from "../../web/js/pen.js";
 
-// A length for a verdict, such as 3.9 m, 0.42 m or 12 m.
+// A length for a verdict, such as 120 m, 12.3 m, 3.9 m, 0.42 m or 0.042 m: two digits at least, and
+// millimetres at most.
 export function length(x) {
   if (!Number.isFinite(x)) return "–";
   if (x > 1e4) return "more than 10 km";
-  return `${decimal(x, x < 0.995 ? 2 : x < 99.5 ? 1 : 0)} m`;
+  if (x === 0) return "0 m";
+  if (x < 0.0005) return "under 1 mm";
+  return `${decimal(x, decimalsOf(x))} m`;
 }
+
+/** Decimals of a length [m]. */
+export const decimalsOf = (x) => [0.0995, 0.995, 99.5].filter((it) => it > x).length;
 
 export function share(x, digits = 0) {
   return Number.isFinite(x) ? `${decimal(100 * x, digits)} %` : "–";

@@ -8,12 +8,12 @@ const RUNS = 10; // dives in each cell
 
 /**
  * Errors in the cells of a grid; lab: see `explorer.js`. Null if the state no longer holds, or the
- * errors are no longer `wanted`.
+ * errors are no longer `wanted`; with a sentence `why` if there are none.
  */
 export async function waterOf(lab, grid, onPart, wanted = () => true) {
   const { north, east, depth } = grid, places = north.flatMap((n) => east.map((e) => [n, e]));
   const changes = circling(lab.state, depth), cells = places.map(() => []);
-  if (!lab.plan(changes)) return null;
+  if (!lab.plan(changes)) return lab.holds() ? { why: "no dive can circle in these cells with these settings" } : null;
   const result = (done) => ({
     ...grid, n: places.length, done, values: withinOf(cells, north.length, east.length),
   });

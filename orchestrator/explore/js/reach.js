@@ -14,7 +14,8 @@ const DEGREES = 180 / Math.PI;
 export function showReach(found, summary, main) {
   const own = found?.receivers?.[main], rms = summary?.receivers[main]?.rms;
   put($("possible"), !found ? "…" : !own ? "–" : own.accuracy ? length(own.absolute) : "none");
-  put($("reached"), `possible RMS error${Number.isFinite(rms) ? `; ${main} has ${length(rms)}` : ""}`);
+  const best = own?.kind === "bound" ? "RMS: no receiver can do better" : "RMS error of a perfect receiver";
+  put($("reached"), `${best}${Number.isFinite(rms) ? `; ${main} has ${length(rms)}` : ""}`);
   put($("reach"), found ? [...said(found, own, summary?.receivers ?? {}, main)].join(" ") : "…");
 }
 

@@ -7,7 +7,8 @@ import { length, share, whole } from "./phrases.js";
 /** From `explorer.dives`: while the runs are done, and when they are. */
 export function showVerdict({ done, n, receivers }, styles, main) {
   const own = receivers[main];
-  put($("within"), length(own.p95));
+  for (const id of ["within", "glance-within"]) put($(id), length(own.p95));
+  put($("glance-whose"), main);
   put($("half"), length(own.p50));
   $("whose").replaceChildren(swatch(styles[main]), main);
   put($("so-far"), done < n ? `${whole(done)} of ${whole(n)} dives` : `${whole(n)} dives`);
@@ -48,14 +49,14 @@ export function showBuy(found, own) {
     put($("buy"), "nothing");
     put($("then"), "no better equipment has a gain that is clear of chance");
   } else {
-    put($("buy"), best.words);
-    put($("then"), `then about ${length(own * (1 - best.gain))} (−${share(best.gain)}), clear of chance`);
+    put($("buy"), best.device);
+    put($("then"), `${best.detail ? `${best.detail}; ` : ""}then about ${length(own * (1 - best.gain))} (−${share(best.gain)}), clear of chance`);
   }
 }
 
 /** What screen readers are told when all is known. */
-export function tell(within, main) {
-  put($("told"), `95 % of the time you are within ${length(within)}, with ${main}. `
+export function tell(within, main, before) {
+  put($("told"), `95 % of the time you are within ${length(within)}, with ${main}${before && `; it ${before}`}. `
     + `Buy first: ${$("buy").textContent}, ${$("then").textContent}. Best receiver: ${$("best").textContent}, `
     + `${$("best-note").textContent}. ${$("claim").textContent} ${$("reach").textContent}`);
 }

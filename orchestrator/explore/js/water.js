@@ -1,6 +1,9 @@
 // The water in colours: what 95 % of the errors at each place are within, over what the map shows.
 //
 //   new Water(page)     .clear(), .on
+//   .outdate()            the settings are others: the colours turn pale, and words say why
+//   .isOld                whether they are to be computed again
+//   .isRunning            whether some are being computed
 //
 // With a limit [m], two colours: where the error is within it, and where it is not.
 
@@ -13,17 +16,19 @@ const COLOURS = ["#fde725", "#90d743", "#35b779", "#21918c", "#31688e", "#443983
 const WITHIN = "#35b779", BEYOND = "#e69f00";
 const CELLS = 15; // along the longer side
 const PAUSE = 400; // ms without a move before what is seen then is computed
+const CLEAR = 0.75, PALE = 0.25; // of old colours
+const OLD = "out of date: of other settings; coloured again after the dives …";
 const SPARE = 0.02, LARGER = 2; // of what is seen: missing, and times its size, without another one
 
 export class Water {
   constructor(page) {
-    Object.assign(this, { page, on: false, cells: null, before: null, limit: null });
+    Object.assign(this, { page, on: false, isOld: false, cells: null, before: null, limit: null });
     $("colour").addEventListener("click", () => { if (this.on) this.clear(); else this.compute(); });
     $("water-limit").addEventListener("change", () => this.confine());
   }
 
   clear() {
-    Object.assign(this, { on: false, cells: null, before: null, grid: null });
+    Object.assign(this, { on: false, isOld: false, cells: null, before: null, grid: null });
     clearTimeout(this.timer);
     $("colour").setAttribute("aria-pressed", "false");
     $("water-scale").hidden = true;
@@ -31,21 +36,40 @@ export class Water {
     this.page.stage.drawMap();
   }
 
+  outdate() {
+    if (!this.on) return;
+    clearTimeout(this.timer);
+    Object.assign(this, { isOld: true, grid: null }); // what runs is no longer wanted
+    put($("water-words"), OLD);
+    this.page.stage.drawMap();
+  }
+
+  get isRunning() { return this.on && (this.isOld || !this.cells || this.cells.done < this.cells.n); }
+
   async compute() {
     const { explorer, stage } = this.page, grid = this.grid = gridOf(stage);
     this.on = true;
-    this.before = this.cells ?? this.before;
-    this.cells = null;
+    if (!this.isOld) {
+      this.before = this.cells ?? this.before;
+      this.cells = null;
+    }
     $("colour").setAttribute("aria-pressed", "true");
-    put($("water-words"), "computing …");
+    put($("water-words"), this.isOld ? OLD : "computing …");
     $("water-scale").hidden = false;
     const wanted = () => this.grid === grid;
     const result = await explorer.water(grid, (part) => this.take(part), wanted);
-    if (result && wanted()) this.take(result);
+    if (!wanted() || !result) return;
+    if (result.why) {
+      Object.assign(this, { isOld: false, cells: null, before: null });
+      put($("water-words"), result.why);
+      stage.drawMap();
+    } else this.take(result);
   }
 
   // values [m] by row of north and column of east; NaN where it is not known yet.
   take(result) {
+    if (this.isOld) this.before = null;
+    this.isOld = false;
     this.cells = result;
     if (result.done === result.n) this.before = null;
     this.show();
@@ -96,7 +120,7 @@ export class Water {
   draw(pen, view) {
     this.follow();
     pen.save();
-    pen.globalAlpha = 0.75;
+    pen.globalAlpha = this.isOld ? PALE : CLEAR;
     const { colour } = this.cells ? this.scale : {};
     for (const cells of [this.before, this.cells]) if (cells && colour) drawCells(pen, view, cells, colour);
     pen.globalAlpha = 1;
@@ -107,7 +131,7 @@ export class Water {
   // Another grid where the map shows much that has no colour, or much less than is coloured.
   follow() {
     const { stage } = this.page;
-    if (!this.grid || isCovered(gridOf(stage), this.grid)) return;
+    if (!this.grid || this.isOld || isCovered(gridOf(stage), this.grid)) return;
     clearTimeout(this.timer);
     this.timer = setTimeout(() => {
       if (this.on && !isCovered(gridOf(stage), this.grid)) this.compute();
