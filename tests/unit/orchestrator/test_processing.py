@@ -263,7 +263,7 @@ def test_a_gap_of_minutes_is_survived() -> None:
         depth=log.depth[some | (log.depth_ns > 600_000_000_000)],
     ))  # fmt: skip
     row = processed.receivers.loc["long_baseline"]
-    assert 295 < row.longest_gap_s < 310
+    assert 295 < row.longest_gap_s < 315  # its claims settle first
     error = processed.tracks["long_baseline"]
     assert error.error_horizontal_m[error.epoch_s > 620].max() < 2.0
 

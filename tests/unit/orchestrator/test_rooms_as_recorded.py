@@ -121,10 +121,12 @@ def smoothed(log: Any) -> Any:
 @pytest.mark.parametrize("name", log_samples.SAMPLES)
 def test_what_is_read_from_a_log_is_as_recorded(name: str, tmp_path: Path) -> None:
     make, file = log_samples.SAMPLES[name]
+    folder = tmp_path / "log"
+    folder.mkdir()
     for part, text in make().items():
-        (tmp_path / part).write_bytes(text.encode())
-    log = quietly(lambda: sblcosim.read_log(tmp_path / file if file else tmp_path))
-    found = json.loads(json.dumps(every(log)).replace(str(tmp_path), "HERE"))
+        (folder / part).write_bytes(text.encode())
+    log = quietly(lambda: sblcosim.read_log(folder / file if file else folder))
+    found = json.loads(json.dumps(every(log)).replace(str(folder), "HERE"))
     as_recorded.check(f"read {name}", {"log": found})
 
 
