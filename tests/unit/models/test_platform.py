@@ -104,6 +104,18 @@ def test_pose_obeys_the_wave_equation_in_absolute_time() -> None:
                                atol=1e-12)
 
 
+def test_a_boat_is_at_its_track_by_the_time_since_any_start() -> None:
+    track = {"track_count": 3, "track_time": [0.0, 4.0, 9.0], "departure_time": 1.5,
+             "track": [[0.0, 0.0], [6.0, 2.0], [7.0, 9.0]], "random_phases": False}  # fmt: skip
+    places = []
+    for start in (0, 100 * SECOND, -30 * SECOND):
+        boat = Stepper(load("platform", boat_points=3), track, noise=no_noise, start_ns=start)
+        places.append([boat.step(start + k * SECOND, SECOND)["position"].copy()
+                       for k in range(8)])  # fmt: skip
+    assert np.ptp(places[0], axis=0)[0] > 5
+    np.testing.assert_allclose(places[1:], [places[0]] * 2, atol=1e-9)
+
+
 def test_random_phases_are_uniform_and_independent() -> None:
     phases = np.array([platform(seed=seed, random_phases=True).state("phase")
                        for seed in range(300)])

@@ -252,6 +252,15 @@ def test_more_than_eight_beacons_share_the_places() -> None:
     assert len(processed.residuals.loc["sequential"].index) == 13  # with the depth
 
 
+def test_a_beacon_takes_the_place_of_the_one_that_is_silent_for_longest() -> None:
+    log = made(seconds=10)
+    order = np.array([0, 1, 2, 0, 3, 0, 2, 1, 0, 3])
+    log = replace(log, receptions=replace(log.receptions, beacon=order))
+    # 3 takes the place of 1, which is 1; then 1 that of 3 again, and 3 that of 2.
+    assert played(log, 10**9, 3).slot.tolist() == [0, 1, 2, 0, 1, 0, 2, 1, 0, 2]
+    assert played(log, 10**9, 4).slot.tolist() == order.tolist()
+
+
 def test_a_gap_of_minutes_is_survived() -> None:
     log = made(seconds=900, turning=0.005)
     heard = log.receptions
