@@ -61,7 +61,9 @@ _DRIFTS_M = 2.0
 """A platform whose reported positions are spread farther than this [m] drifts or sails: of the
 assumed GPS, 95 % of the errors are below 1.1 m."""
 _LATE = 5.0
-"""Mean excess of late ranges over the noise, likewise."""
+"""Mean excess of late ranges over the noise, likewise, unless the log shows a larger one."""
+_FEWEST_LATE = 5
+"""Number of late ranges that show their mean excess."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +155,8 @@ def settled(
         _check_differences(log, None)
         std = max(scatter, _LEAST_STD)
         offset = straight.offset if straight is not None else 0.0
-        made = rough(log, arrangement, slots, std, step_ns, origin, _TIMES_OFFSET * offset)
+        late = _late_mean(straight, std)
+        made = rough(log, arrangement, slots, std, late, step_ns, origin, _TIMES_OFFSET * offset)
         given = load(made, overrides)
         said = (
             f"usual values; range noise {meters(scatter)}, from straight lines through short "
@@ -210,6 +213,17 @@ def _alike(log: Log, straight: windows.Lines) -> float:
         return 1.0
     beacon = heard.beacon[np.lexsort((heard.beacon, heard.epoch_ns))]
     return resemblance(beacon[inside], straight.residual[inside] / straight.scatter)
+
+
+def _late_mean(straight: windows.Lines | None, std: float) -> float:
+    """Mean excess of late ranges [m]: by the straight lines, but at least the usual one.
+
+    Excesses beyond a limit are an exponential variable beyond it, with the same mean.
+    """
+    usual = _LATE * std
+    beyond = np.zeros(0) if straight is None else straight.residual - usual
+    beyond = beyond[beyond > 0]  # nor NaN, outside windows
+    return max(usual, float(beyond.mean())) if len(beyond) >= _FEWEST_LATE else usual
 
 
 def _without_early(log: Log, straight: windows.Lines) -> Log:
@@ -327,8 +341,8 @@ def _made_up(log: Log, origin: Floats) -> Floats:
 
 
 def rough(
-    log: Log, arrangement: Arrangement, slots: int, std: float, step_ns: int, origin: Floats,
-    place_std: float = 0.0,
+    log: Log, arrangement: Arrangement, slots: int, std: float, late: float, step_ns: int,
+    origin: Floats, place_std: float = 0.0,
 ) -> dict[str, Any]:
     """The tables of the scenario of an unknown device.
 
@@ -336,6 +350,8 @@ def rough(
     ----------
     std
         Standard deviation of a range [m].
+    late
+        Mean excess of late ranges [m].
     place_std
         Standard deviation of the places of fixed beacons [m], unless usual values are larger.
     """
@@ -376,7 +392,7 @@ def rough(
         "acoustics": {
             "range_std_m": std,
             "outlier_probability": ROUGH["outlier_probability"],
-            "outlier_mean_m": _LATE * std,
+            "outlier_mean_m": late,
             "sound_speed_m_s": c * (1 + ROUGH["sound_speed_share"]),
             "assumed_sound_speed_m_s": c,
             **_of_clock(log),

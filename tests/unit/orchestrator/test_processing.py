@@ -385,6 +385,29 @@ def test_estimates_in_silences_are_left_out_and_said() -> None:
                          "usual")
 
 
+@pytest.mark.parametrize(("share", "mean"), [(0.0, 8.0), (0.04, 3.0), (0.04, 8.0), (0.1, 8.0)])
+def test_late_ranges_of_a_log_say_how_late_they_are(share: float, mean: float) -> None:
+    log = made(seconds=1200)
+    rng = np.random.default_rng(7)
+    late = np.where(rng.random(1200) < share, rng.exponential(mean, 1200), 0.0)
+    ready = settled(changed(log, slice(None), late))
+    acoustics = ready.scenario.acoustics
+    if share == 0:
+        assert acoustics.outlier_mean_m == pytest.approx(5 * acoustics.range_std_m)
+    else:
+        assert 0.7 * mean < acoustics.outlier_mean_m < 1.4 * mean
+
+
+def test_four_late_ranges_do_not_say_how_late_they_are() -> None:
+    log = made(seconds=600)
+    for count in (4, 5):
+        where = np.arange(count) * 110 + 50
+        acoustics = settled(changed(log, where, 6.0)).scenario.acoustics
+        usual = 5 * acoustics.range_std_m
+        expected = usual if count == 4 else 6 - usual
+        assert acoustics.outlier_mean_m == pytest.approx(expected, rel=0.1)
+
+
 @pytest.mark.parametrize("claims", [True, False])
 def test_after_a_silence_estimates_count_from_the_first_usual_claim(claims: bool) -> None:
     """The wide claim at 30 s is not after a silence; those at 203 and 204 s are, that at 206 s
