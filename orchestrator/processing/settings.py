@@ -139,7 +139,6 @@ def settled(
     alike = _alike(log, straight) if straight is not None and arrangement == "fixed" else 1.0
     if straight is not None and straight.early.any():
         log = _without_early(log, straight)
-    scatter = (straight.scatter if straight is not None else None) or 1.0
     step_ns = _interval(log) if interval_s is None else nanoseconds(interval_s)
     if own or scenario is not None:
         given = load(log.scenario if own else scenario, overrides)  # type: ignore[arg-type]
@@ -153,14 +152,10 @@ def settled(
             step_ns = nanoseconds(given.receiver.update_interval_s)
     else:
         _check_differences(log, None)
-        std = max(scatter, _LEAST_STD)
-        offset = straight.offset if straight is not None else 0.0
-        late = _late_mean(straight, std)
-        made = rough(log, arrangement, slots, std, late, step_ns, origin, _TIMES_OFFSET * offset)
-        given = load(made, overrides)
+        given = load(rough(log, arrangement, slots, straight, step_ns, origin), overrides)
         said = (
-            f"usual values; range noise {meters(scatter)}, from straight lines through short "
-            "windows of the log"
+            f"usual values; range noise {meters(_scatter(straight))}, from straight lines through "
+            "short windows of the log"
         )
     _check_ticks(log, step_ns)
     made_up = arrangement == "fixed" and not simulated and len(log.beacons) <= slots
@@ -213,6 +208,11 @@ def _alike(log: Log, straight: windows.Lines) -> float:
         return 1.0
     beacon = heard.beacon[np.lexsort((heard.beacon, heard.epoch_ns))]
     return resemblance(beacon[inside], straight.residual[inside] / straight.scatter)
+
+
+def _scatter(straight: windows.Lines | None) -> float:
+    """Of the ranges about straight lines [m]; 1 m if it is not known."""
+    return (straight.scatter if straight is not None else None) or 1.0
 
 
 def _late_mean(straight: windows.Lines | None, std: float) -> float:
@@ -341,19 +341,16 @@ def _made_up(log: Log, origin: Floats) -> Floats:
 
 
 def rough(
-    log: Log, arrangement: Arrangement, slots: int, std: float, late: float, step_ns: int,
-    origin: Floats, place_std: float = 0.0,
+    log: Log, arrangement: Arrangement, slots: int, straight: windows.Lines | None, step_ns: int,
+    origin: Floats,
 ) -> dict[str, Any]:
     """The tables of the scenario of an unknown device.
 
     Parameters
     ----------
-    std
-        Standard deviation of a range [m].
-    late
-        Mean excess of late ranges [m].
-    place_std
-        Standard deviation of the places of fixed beacons [m], unless usual values are larger.
+    straight
+        Straight lines through the log, which tell errors of ranges and of fixed beacons' places;
+        None: there are none.
     """
     c = log.meta.sound_speed_m_s
     step_s = step_ns / SECOND
@@ -373,10 +370,12 @@ def rough(
         platform["beacon_m"] = _apart(np.vstack([places, *more])).tolist()
         if arrangement == "fixed":
             apart = float(np.ptp(places[:, :2], axis=0).max())
-            place_std = max(place_std, _PLACE_SHARE * apart)
-            platform["mounting_std_m"] = min(ROUGH["mounting_std_m"], place_std)
+            off = 0.0 if straight is None else _TIMES_OFFSET * straight.offset
+            off = max(off, _PLACE_SHARE * apart)
+            platform["mounting_std_m"] = min(ROUGH["mounting_std_m"], off)
         else:
             platform |= {"gps_shared": False, "gps_grade": "sbas"}
+    std = max(_scatter(straight), _LEAST_STD)
     types = {"platform": "coupled", "fixed": "long_baseline", "buoys": "long_baseline"}
     type_ = types[arrangement] if len(log.beacons) <= slots else "sequential"
     receiver: dict[str, Any] = {"type": type_}
@@ -392,7 +391,7 @@ def rough(
         "acoustics": {
             "range_std_m": std,
             "outlier_probability": ROUGH["outlier_probability"],
-            "outlier_mean_m": late,
+            "outlier_mean_m": _late_mean(straight, std),
             "sound_speed_m_s": c * (1 + ROUGH["sound_speed_share"]),
             "assumed_sound_speed_m_s": c,
             **_of_clock(log),
