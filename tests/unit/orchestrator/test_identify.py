@@ -37,6 +37,7 @@ from sblcosim.identification.innovations import (
 from sblcosim.identification.losses import losses, wilson
 from sblcosim.identification.path import noise_of, smoothed, start
 from sblcosim.identification.positions import parts
+from sblcosim.identification.result import Identified
 from sblcosim.identification.run import identify
 from sblcosim.identification.swings import CarrierSwing, swings_of
 from scipy import stats
@@ -451,6 +452,17 @@ def test_offsets_differ_by_more_than_their_uncertainty(
     rows.append(Number("depth_std", 5.0, 4.0, 6.0, "m", YES, ""))
     device = replace(device_of(heard()), numbers=rows)
     assert device.offsets_std == pytest.approx(found, rel=1e-5)
+
+
+@pytest.mark.parametrize("known", [0.5, 0.9])
+def test_places_that_are_known_less_well_than_offsets_differ_stay_as_they_are(known: float) -> None:
+    base = sblcosim.load("harbour-lbl", {"platform.mounting_std_m": known})
+    device = replace(device_of(heard()), numbers=[
+        *offsets_of(0.0, 0.9, -0.9, 0.0),
+        *(n for n in device_of(heard()).numbers if not n.parameter.startswith("range_offset")),
+    ])  # fmt: skip
+    changes = Identified("dive", device, base).overrides()
+    assert changes.get("platform.mounting_std_m") == (device.offsets_std if known < 0.7 else None)
 
 
 def test_intervals_are_wider_where_residuals_resemble_the_ones_before() -> None:
