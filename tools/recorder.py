@@ -4,7 +4,8 @@ It needs two variables of the environment: ``SBLCOSIM_RECORD``, the folder to wr
 ``SBLCOSIM_SOURCES``, the folders of the sources, separated as in ``PATH``. Each process writes a
 file of coverage.py, ``lines.*``, whose contexts are the tests' ids, and ``seconds.*.json``, how
 long each test that passed took. The lines of a fixture that several tests share have the file of
-the tests as their context, and those executed by imports have none.
+the tests as their context, and those executed by imports have none. Python processes that a test
+starts are recorded, too, unless they are killed; what lives on belongs to the test that started it.
 """
 
 from __future__ import annotations
@@ -18,6 +19,37 @@ from typing import Any
 
 import coverage
 import pytest
+
+CONTEXT = "SBLCOSIM_CONTEXT"
+"""Variable of the environment with the context of processes that are started now."""
+IN_PROCESSES = f"""
+import os
+
+if "{CONTEXT}" in os.environ:
+    import atexit
+
+    import coverage
+
+    record = coverage.Coverage(
+        data_file=os.path.join(os.environ["SBLCOSIM_RECORD"], "lines"), data_suffix=True,
+        source=os.environ["SBLCOSIM_SOURCES"].split(os.pathsep), config_file=False,
+        context=os.environ["{CONTEXT}"], messages=False,
+    )
+
+    def finish(own=os.getpid()):
+        if os.getpid() == own:  # and not a fork
+            record.stop()
+            record.save()
+
+    def leave(code, leave=os._exit):
+        finish()
+        leave(code)
+
+    os._exit = leave
+    atexit.register(finish)
+    record.start()
+"""
+"""`sitecustomize.py` of all processes; Python runs it first."""
 
 
 class Recorder:
@@ -36,6 +68,10 @@ class Recorder:
     def _switch(self, context: str) -> str:
         before, self.context = self.context, context
         self.coverage.switch_context(context)
+        if context:
+            os.environ[CONTEXT] = context
+        else:
+            os.environ.pop(CONTEXT, None)
         return before
 
     @pytest.hookimpl(wrapper=True)
@@ -75,4 +111,11 @@ def pytest_configure(config: pytest.Config) -> None:
     """Record in workers, or where there are none."""
     if hasattr(config, "workerinput") or not config.getoption("numprocesses", None):
         sources = os.environ["SBLCOSIM_SOURCES"].split(os.pathsep)
-        config.pluginmanager.register(Recorder(Path(os.environ["SBLCOSIM_RECORD"]), sources))
+        folder = Path(os.environ["SBLCOSIM_RECORD"])
+        at_start = folder / "at start"
+        at_start.mkdir(exist_ok=True)
+        part = at_start / f"{os.getpid()}.part"
+        part.write_text(IN_PROCESSES)
+        part.rename(at_start / "sitecustomize.py")
+        os.environ["PYTHONPATH"] = os.pathsep.join([str(at_start), os.environ["PYTHONPATH"]])
+        config.pluginmanager.register(Recorder(folder, sources))

@@ -231,6 +231,16 @@ PROJECT = {
     "tests/test_apart.py": (
         "from orchestrator.apart import least\ndef test_least(): assert least(1.0) == 3.5\n"
     ),
+    "orchestrator/other.py": (
+        "import os, sys\n\n\ndef more(a: float) -> float:\n    return a + 2.0\n\n\n"
+        "print(more(float(sys.argv[1])), flush=True)\nos._exit(0)\n"
+    ),
+    "tests/test_other.py": (
+        "import subprocess, sys\n"
+        "def test_other():\n"
+        "    command = [sys.executable, '-m', 'orchestrator.other', '1.5']\n"
+        "    assert subprocess.run(command, capture_output=True).stdout == b'3.5\\n'\n"
+    ),
 }  # fmt: skip
 
 
@@ -250,12 +260,14 @@ def test_mutations_of_a_tree_run_the_tests_that_execute_them(tmp_path: Path) -> 
         )  # fmt: skip
 
     recorded = tool("record", "--tests", "tests -p no:xdist")
-    assert recorded.stdout.endswith(f"3 tests in {record}\n"), recorded.stderr  # one fails
-    done = tool("draw", "--seed", "3", "--count", "1000")
+    assert recorded.stdout.endswith(f"4 tests in {record}\n"), recorded.stderr  # one fails
+    done = tool("draw", "--seed", "3", "--count", "24")
     assert (tree / "models/way.py").read_text() == PYTHON
     found = dict(re.findall(r"^\d+: (\S+ number \d+), .*: (.*)$", done.stdout, re.MULTILINE))
     of_constant = [killer for where, killer in found.items() if "apart" in where]
     assert {*of_constant} == {"tests/test_apart.py::test_least"}  # which imports execute, too
+    of_other = [killer for where, killer in found.items() if "other" in where]
+    assert "tests/test_other.py::test_other" in of_other  # in a process of its own
     of_way = [killer for where, killer in found.items() if "way" in where]
     killers = {f"tests/test_way.py::test_{name}" for name in ("value", "kept")}
     assert {*of_way} == {*killers, "SURVIVED"}
