@@ -126,6 +126,4 @@ def _plain(hint: Any) -> _Fits:
     if hint in (int, float):
         kinds = (int, float) if hint is float else int
         return lambda value: isinstance(value, kinds) and not isinstance(value, bool)
-    if hint in (Any, object):
-        return lambda value: True
     return lambda value: isinstance(value, hint)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import fields, is_dataclass
+from fractions import Fraction
 from itertools import product
 from typing import Any
 
@@ -14,6 +15,7 @@ import mpmath
 import numpy as np
 import pandas as pd
 import pytest
+from sblcosim.analysis.common.centred import group_means
 from sblcosim.analysis.levels import analysis as general
 from sblcosim.analysis.means import analysis as sweep
 from sblcosim.analysis.two_level import analysis as factorial
@@ -204,3 +206,13 @@ def test_a_response_of_any_size_is_taken_about_its_middle() -> None:
         assert np.isfinite(found.effects["effect"]).all()
         direct = y[table["A"] > 0].mean() - y[table["A"] < 0].mean()
         assert found.effects["effect"].iloc[0] == pytest.approx(direct, rel=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_means_of_many_runs_are_exact_to_the_last_digit(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    group = np.sort(random.integers(0, 3, 40000))
+    y = 10.0 ** random.uniform(-3, 6) * (1.0 + 1e-3 * random.normal(size=len(group)))
+    for found, own in zip(group_means(group, y), (y[group == n] for n in range(3)), strict=True):
+        exact = sum(map(Fraction, own.tolist()), Fraction(0)) / len(own)
+        assert abs(Fraction(float(found)) - exact) <= Fraction(float(np.spacing(found)))

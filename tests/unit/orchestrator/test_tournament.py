@@ -797,6 +797,21 @@ def test_a_wrong_covariance_is_told_with_its_factor(factor: float, told: str) ->
     assert replace(it, levels=levels).text(verbose=True).count(told) == 2
 
 
+@pytest.mark.parametrize(("covariance", "words", "told"), [
+    ("unknown", "not judged: 40 % of the runs are lost", "not judged"),
+    ("unknown", "there is no telling", "unknown"),
+    ("consistent", "not judged: never said beside this", "consistent"),
+])
+def test_a_covariance_that_is_not_judged_is_told_from_one_that_is_unknown(
+    covariance: str, words: str, told: str
+) -> None:
+    it = evaluate({"x": runs_of({"a": noise(1, 1.0), "b": noise(2, 1.0)})}, SETTINGS)
+    levels = it.levels.assign(nees_runs=RUNS, covariance=covariance, covariance_words=words)
+    lines = replace(it, levels=levels).text(verbose=True).splitlines()
+    assert sum(line.count(told) for line in lines if "│" in line or line.split()[:1] in (
+        ["a"], ["b"])) == 2  # fmt: skip
+
+
 # The same under two names ------------------------------------------------------------------------
 
 

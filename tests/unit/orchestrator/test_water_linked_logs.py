@@ -270,6 +270,15 @@ def test_receivers_may_be_polled_one_by_one(tmp_path: Path) -> None:
     assert len(log.receptions) == 2
 
 
+@pytest.mark.parametrize("count", [1, 3, 4, 9])
+def test_the_first_three_other_paths_are_named(tmp_path: Path, count: int) -> None:
+    names = [f"other/{letter}" for letter in "abcdefghi"[:count]]
+    with pytest.raises(ConfigurationError) as caught:
+        _read(tmp_path, [_poll(0.5 + n, name, {"x": n}) for n, name in enumerate(names)])
+    got = str(caught.value).partition(", got ")[2]
+    assert [name in got for name in names] == [n < 3 for n in range(count)]
+
+
 @pytest.mark.parametrize("text", ["{}", "[]", '{"path": "position/global"', '{"a": 1}\n'])
 def test_what_is_no_capture_is_refused(tmp_path: Path, text: str) -> None:
     (tmp_path / "it.json").write_text(text)
