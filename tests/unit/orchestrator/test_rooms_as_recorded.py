@@ -32,13 +32,16 @@ from sblcosim.judge import consistency, definitions
 from sblcosim.limits import echoes, fisher, geometry, path, steady, unknown
 from sblcosim.models.settings.presets import PRESET_TABLES, PRESET_VALUES
 from sblcosim.processing.settings import settled, start_values
+from sblcosim.require.file_schema import question_schema
 from sblcosim.results.figures import drawing
 from sblcosim.scenario import conditions, water
+from sblcosim.scenario.file_schema import scenario_schema
 from sblcosim.scenario.likes import LIKES
 from sblcosim.scenario.scenario import Scenario, load, shipped
 from sblcosim.scenario.starter import starter
 from sblcosim.study import design, space
 from sblcosim.study.distributions import distribution_of
+from sblcosim.study.file_schema import study_schema
 from sblcosim.tracks import course, resample
 from sblcosim.words import numbers, shares
 
@@ -418,7 +421,33 @@ def estimates() -> dict[str, Any]:
     return found
 
 
-ROOMS = (limits, scenarios, designs, tracks, words, estimates)
+SCENARIO = ("scenario", "fixed", "time", "place", "target", "platform", "acoustics", "receiver ",
+            "receiver.")
+"""What is the same in studies and questions."""
+BOUNDS = ("minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum", "minItems", "maxItems",
+          "minLength", "maxLength", "pattern")  # fmt: skip
+
+
+def files() -> dict[str, Any]:
+    """Bounds of all values in files of scenarios, studies and questions."""
+    return {
+        f"{name} {place}": bound
+        for name, schema in {"scenario": scenario_schema(), "study": study_schema(),
+                             "question": question_schema()}.items()
+        for place, bound in bounds(schema, "")
+        if name == "scenario" or not any(f" {table}" in place for table in SCENARIO)
+    }  # fmt: skip
+
+
+def bounds(schema: Any, where: str) -> Iterable[tuple[str, Any]]:
+    for key, part in schema.items() if isinstance(schema, dict) else enumerate(schema):
+        if key in BOUNDS and not isinstance(part, dict):
+            yield f"{where} {key}", part
+        elif isinstance(part, dict | list):
+            yield from bounds(part, f"{where} {key}".strip())
+
+
+ROOMS = (limits, scenarios, designs, tracks, words, estimates, files)
 
 
 @pytest.mark.parametrize("room", ROOMS, ids=lambda room: str(room.__name__))
