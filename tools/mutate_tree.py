@@ -32,6 +32,7 @@ from functools import cached_property
 from pathlib import Path
 
 from coverage import CoverageData
+from coverage.exceptions import DataError
 from mutate import Bench, Mutation, bench_of, difference, mutations
 from tree import ROOT
 
@@ -212,7 +213,10 @@ def join(part: Path, tree: Path, into: Path) -> int:
     whole.read()
     for path in sorted(part.glob("lines.*")):
         one = CoverageData(str(path))
-        one.read()
+        try:
+            one.read()
+        except DataError:  # of a process that was killed before it had written all
+            continue
         whole.update(one, map_path=lambda name: os.path.relpath(name, tree.resolve()))
     whole.write()
     stored = into / "seconds.json"
