@@ -30,9 +30,10 @@ FLAGS = (
     "-Wall", "-Wextra", "-Werror", "-Wno-psabi",
 )
 LINK_FLAGS = ("-shared", "-s")
-# zig compiles for the processor it runs on unless told otherwise, and builds the runtime of a
-# sanitizer for each platform although nothing uses it.
-_ZIG_FLAGS = ("-mcpu=baseline", "-fno-sanitize=undefined")
+# zig compiles for the processor it runs on unless told otherwise, builds the runtime of a sanitizer
+# for each platform although nothing uses it, and spends most of its time on debug information that
+# the linker takes out again.
+_ZIG_FLAGS = ("-mcpu=baseline", "-fno-sanitize=undefined", "-g0")
 # A module has neither a start nor shared code. Its memory begins with a stack of 256 KiB.
 _WASM_TARGET = "wasm32-freestanding"
 _WASM_LINK_FLAGS = (

@@ -16,7 +16,7 @@ import pytest
 from fmpy import extract, read_model_description
 from fmpy.validation import validate_fmu
 from sblcosim.fmus.build import compiler, factory
-from sblcosim.fmus.platforms import PLATFORMS, folder, this_platform
+from sblcosim.fmus.platforms import PLATFORMS, WASM, folder, this_platform
 from sblcosim.models import COMPONENTS
 from seams import Seam
 
@@ -265,6 +265,17 @@ def test_build_description_names_everything_to_compile(fmi: int, tmp_path: Path)
         cc.compile(file, made, [factory.fmi_headers()], (), folder / "sources")
     cc.link(objects, "again.so", folder / "sources")
     assert (folder / "sources" / "again.so").stat().st_size > 0
+
+
+@pytest.mark.skipif(compiler.zig() is None, reason="needs ziglang")
+@pytest.mark.parametrize("platform", ["x86_64-linux", WASM])
+def test_no_time_is_spent_on_debug_information(platform: str, tmp_path: Path) -> None:
+    """It would take zig most of its time, and the linker takes it out again."""
+    (tmp_path / "one.c").write_text("int one(int it) { return it + 1; }\n")
+    compiler.for_platform(platform).compile("one.c", "object", [], (), tmp_path)
+    made = (tmp_path / "object").read_bytes()
+    assert b"one" in made
+    assert b".debug_" not in made
 
 
 @pytest.mark.skipif(compiler.zig() is None, reason="needs ziglang")

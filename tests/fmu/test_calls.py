@@ -23,8 +23,10 @@ SEED = int(os.environ.get("SBLCOSIM_FUZZ_SEED", "20210123"))
 CALLS = pytest.mark.parametrize(
     "calls", [3_000, pytest.param(1_000_000, marks=pytest.mark.slow)]
 )
-LONG = ("coupled", "fixed_lag", "long_baseline")
+LONG = ("array", "coupled", "fixed_lag", "long_baseline")
 """Components that take long; the code around them is that of all others."""
+SLOW = {("fixed_lag", 2), *((name, 3) for name in LONG)}
+"""What ``-m slow`` takes: `fixed_lag` is made of the equations of `coupled`."""
 LIBRARY_ONLY = {"-shared", "-s", "-O2", "-fvisibility=hidden"}
 SANITIZE = (
     "-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover=all", "-g", "-O0",
@@ -41,7 +43,7 @@ def sources_of(name: str, fmi: int, folder: Path) -> None:
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc and its sanitizers")
 @pytest.mark.parametrize(("name", "fmi"), [
-    pytest.param(name, fmi, marks=[pytest.mark.slow] if fmi == 3 and name in LONG else [])
+    pytest.param(name, fmi, marks=[pytest.mark.slow] if (name, fmi) in SLOW else [])
     for name in COMPONENTS for fmi in (2, 3)
 ])
 @CALLS
