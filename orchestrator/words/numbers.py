@@ -9,6 +9,8 @@ from typing import Any
 
 PRACTICAL_RUNS = 10_000
 """Largest number of runs that a sentence asks for."""
+MOST_WHOLE = 1e7
+"""Numbers from here on have a power of ten instead of all their digits."""
 
 
 def is_missing(value: float | None) -> bool:
@@ -32,7 +34,8 @@ def rounded(value: float, digits: int = 3) -> str:
         return "–" if isnan(value) else "∞" if value > 0 else "−∞"
     if value == 0:
         return "0"
-    text = f"{value:#.{digits}g}" if abs(value) < 10**digits else f"{value:,.0f}"
+    whole = 10**digits <= abs(value) < MOST_WHOLE
+    text = f"{value:,.0f}" if whole else f"{value:#.{digits}g}"
     return minus(text.removesuffix("."))
 
 
@@ -47,7 +50,7 @@ def number(value: Any, digits: int = 3) -> str:
         return "–"
     if isinf(value):
         return "∞" if value > 0 else "−∞"
-    if 10**digits <= abs(value) < 1e7:
+    if 10**digits <= abs(value) < MOST_WHOLE:
         return unbroken(f"{value:,.0f}")
     return unbroken(f"{value:.{digits}g}")
 

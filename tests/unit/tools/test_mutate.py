@@ -12,8 +12,8 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
-from coverage import CoverageData
 
+CoverageData = pytest.importorskip("coverage", reason="needs the extra dev").CoverageData
 TOOLS = Path(__file__).parents[3] / "tools"
 
 PYTHON = '''\
