@@ -5,12 +5,16 @@ import sys
 
 from sblcosim.fmus import stopping
 
+_THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+"""How many threads the libraries below NumPy use, if nobody has said it."""
 _CLOSED = "error: output: must be open, got it closed\n"
 
 
 def main() -> None:
     """Entry point: from here on, a signal ends the command with a line and a code."""
     _open_all()
+    for name in _THREADS:  # our matrices are small: more threads mostly wait for each other
+        os.environ.setdefault(name, "1")
     try:
         with stopping.stoppable(command=True):
             from .cli import main as command

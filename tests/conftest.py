@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as in the command, before NumPy is loaded
 sys.path.insert(0, str(Path(__file__).parent / "unit" / "models"))
 sys.path.insert(0, str(Path(__file__).parent / "unit" / "fmus"))
 sys.path.insert(0, str(Path(__file__).parent / "physics"))

@@ -780,3 +780,20 @@ def test_what_is_made_of_results_lies_beside_them(tmp_path: Path, monkeypatch: A
         f"{tmp_path.parent.name}-advice"
     )
     assert beside(Path("/"), "advice") == Path("/-advice")
+
+
+@pytest.mark.parametrize("given", [{}, {"OPENBLAS_NUM_THREADS": "3"}])
+def test_linear_algebra_has_one_thread_in_the_command_unless_told(given: dict[str, str]) -> None:
+    code = (
+        "import atexit, os, sys\n"
+        "from sblcosim.__main__ import main\n"
+        "assert 'numpy' not in sys.modules  # which would have begun its threads\n"
+        "atexit.register(lambda: print(os.environ['OPENBLAS_NUM_THREADS']))\n"
+        "main()\n"
+    )
+    known = {name: it for name, it in os.environ.items() if not name.endswith("_THREADS")}
+    done = subprocess.run(
+        [sys.executable, "-c", code, "scenarios"], env=known | given, capture_output=True,
+        text=True, check=True,
+    )  # fmt: skip
+    assert done.stdout.splitlines()[-1] == given.get("OPENBLAS_NUM_THREADS", "1")
