@@ -127,7 +127,8 @@ def look(artist: Artist) -> list[Any]:
             return ["line", digest(artist.get_xydata()), color(artist.get_color()),
                     rounded(artist.get_linewidth()), str(artist.get_linestyle()),
                     str(artist.get_marker()), rounded(artist.get_markersize()),
-                    rounded(artist.get_zorder())]  # fmt: skip
+                    rounded(artist.get_markeredgewidth()), color(artist.get_markerfacecolor()),
+                    color(artist.get_markeredgecolor()), rounded(artist.get_zorder())]  # fmt: skip
         case Collection():
             return ["collection", digest(np.ma.filled(artist.get_offsets(), np.nan)),
                     digest(np.concatenate([p.vertices for p in artist.get_paths()] or [[]])),

@@ -158,9 +158,13 @@ def test_each_parameter_acts_as_recorded(which: str) -> None:
     as_recorded.check(f"parameters {which}", found)
 
 
-@pytest.mark.parametrize("name", ["paper-scenario-1", "realistic-sea", "harbour-lbl", "gps-buoys"])
+@pytest.mark.parametrize("name", [
+    "paper-scenario-1", "realistic-sea", "harbour-lbl", "gps-buoys", "own packets",
+])  # fmt: skip
 def test_what_is_estimated_after_a_dive_is_as_recorded(name: str) -> None:
-    run = quietly(lambda: sblcosim.run(name, overrides={"time.duration_s": 60.0, "seed": 3}))
+    scenario, keys = DIVES.get(name, (name, {}))
+    short = {**keys, "time.duration_s": 60.0, "seed": 3}
+    run = quietly(lambda: sblcosim.run(scenario, overrides=short))
     after = [quietly(lambda: sblcosim.smooth(run))]
     if name == "realistic-sea":
         after.append(quietly(lambda: particle_filter(run, particles=2000)))

@@ -60,6 +60,16 @@ def test_a_dive_whose_ranges_begin_late_departs_then() -> None:
     assert dive.time.duration_s == 119.0
 
 
+@pytest.mark.parametrize("start_s", [0.0, 2.0])
+def test_the_dive_of_a_log_is_as_long_as_its_ranges(start_s: float) -> None:
+    log = made(seconds=90, start_s=start_s)
+    dive = sblcosim.identify(log).scenario().target
+    arrival = log.receptions.arrival_ns / 1e9
+    assert dive.track_time_s is not None
+    assert dive.track_time_s[0] == 0.0
+    assert dive.track_time_s[-1] == pytest.approx(arrival[-1] - arrival[0], abs=0.6)
+
+
 def test_beacons_that_ping_together_do_so_in_the_scenario() -> None:
     dive = sblcosim.identify(at_once(made(seconds=100))).scenario()
     assert dive.acoustics.schedule == "simultaneous"

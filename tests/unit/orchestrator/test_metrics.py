@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from sblcosim.data.record import Record
 from sblcosim.errors import FmuError
-from sblcosim.judge import metrics
+from sblcosim.judge import metrics, over_runs
 from scipy.stats import chi2
 from synthetic_record import judged_in, make_record, silent, summary, track
 
@@ -268,3 +268,12 @@ def test_inconsistent_of_receivers_that_say_it_and_of_one_that_does_not():
     flags = summary(record, tracks)["inconsistent"]
     assert flags.isna().tolist() == [True, False]
     assert flags["bad"]
+
+
+def test_an_rms_over_runs_is_the_root_of_the_mean_of_the_squares():
+    rms, groups = pd.Series([3.0, 4.0, np.nan, 1.0, np.nan]), pd.Series([7, 7, 7, 2, 5])
+    assert over_runs.pooled(rms.to_numpy()) == pytest.approx(np.sqrt((9 + 16 + 1) / 3))
+    assert np.isnan(over_runs.pooled(rms.to_numpy()[2:3]))
+    found = over_runs.pooled_by(rms, groups)
+    assert found.index.tolist() == [2, 5, 7]
+    assert found.to_numpy() == pytest.approx([1.0, np.nan, np.sqrt(12.5)], nan_ok=True)

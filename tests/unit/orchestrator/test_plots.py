@@ -5,6 +5,7 @@ from itertools import combinations
 
 import matplotlib as mpl
 import numpy as np
+import pandas as pd
 import pytest
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
@@ -710,3 +711,14 @@ def test_equal_figures_have_equal_ids_whatever_the_last_bits_of_their_layout():
     clips = re.findall(r'<clipPath id="(\w+)"', text)
     assert clips
     assert not set(clips) & set(re.findall(r'id="(\w+)"', other))  # several are in one report
+
+
+@pytest.mark.parametrize("label", ["multilateration", "ekf"])
+@pytest.mark.parametrize("factor", [3.5, 4.5, 7.5, 50.0])
+def test_outliers_of_the_raw_fix_leave_the_limits_alone(label: str, factor: float) -> None:
+    """Those whose error is more than four times that of 95 %; a filter has none."""
+    errors = np.array([*np.full(99, 0.1), 0.1 * factor])
+    table = pd.DataFrame({"x_m": [*np.linspace(0, 1, 99), -30.0], "error_x_m": errors})
+    low, high = drawing.limits(np.array([0.0, 1.0]), {label: table}, "x", reach=100.0)
+    assert (low < -30) == (label == "ekf" or factor < 4)
+    assert high == pytest.approx(1.0 - min(low, 0.0) - 30 if low < -30 else 1.06, abs=0.01)

@@ -21,7 +21,7 @@ import made_logs
 import numpy as np
 import pytest
 import sblcosim
-from sblcosim import require
+from sblcosim import require, style
 from sblcosim.calibrate import calibrate
 from sblcosim.errors import ConfigurationError
 from sblcosim.estimation import late as late_ranges
@@ -148,6 +148,15 @@ def drawn(seed: int, low: float, high: float, *shape: int) -> Any:
     return np.random.default_rng(seed).uniform(low, high, shape)
 
 
+TRACK: dict[str, Any] = {
+    "platform.boat_speed_m_s": 0.0, "platform.mean_position_m": [6.0, -9.0, 0.5],
+    "platform.mounting_std_m": 0.1, "platform.misalignment_heading_std_deg": 2.0,
+    "platform.track_time_s": [0.0, 20.0, 50.0], "platform.departure_time_s": 5.0,
+    "platform.track_m": [[0.0, 0.0], [14.0, -3.0], [20.0, 18.0]],
+    "platform.track_heading_deg": [10.0, 40.0, 130.0],
+}  # fmt: skip
+
+
 def limits() -> dict[str, Any]:
     """Closed forms over wide inputs."""
     beacons = drawn(1, -8.0, 8.0, 5, 3)
@@ -169,6 +178,10 @@ def limits() -> dict[str, Any]:
         ]
         rest = scenario.acoustics
         found[f"{name} echoes"] = [echoes.echo_chances(rest), echoes.lost(rest)]
+    boat = quietly(lambda: load("usbl-boat", TRACK))
+    found["along a track unknown"] = [
+        [*unknown.left_out(boat)], unknown.squares(boat, places, drawn(3, 0.0, 60.0, 60)),
+    ]
     for share, std, mean in product((0.01, 0.1, 0.4), (0.02, 0.3), (0.2, 1.0, 6.0)):
         for kind in ("exponential", "half_normal"):
             found[f"factor {share} {std} {mean} {kind}"] = fisher.fisher_factor(
@@ -447,7 +460,12 @@ def bounds(schema: Any, where: str) -> Iterable[tuple[str, Any]]:
             yield from bounds(part, f"{where} {key}".strip())
 
 
-ROOMS = (limits, scenarios, designs, tracks, words, estimates, files)
+def looks() -> dict[str, Any]:
+    """Lines, markers, colours and sizes of all figures."""
+    return {name: repr(value) for name, value in vars(style).items() if name.isupper()}
+
+
+ROOMS = (limits, scenarios, designs, tracks, words, estimates, files, looks)
 
 
 @pytest.mark.parametrize("room", ROOMS, ids=lambda room: str(room.__name__))

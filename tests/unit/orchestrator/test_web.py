@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import re
-from base64 import b64encode
+import zlib
+from base64 import b64decode, b64encode
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
@@ -22,6 +23,8 @@ from sblcosim.explore import page as explorer
 from sblcosim.judge.definitions import of_position
 from sblcosim.judge.metrics import intact
 from sblcosim.processing import pages
+from sblcosim.processing.dive import PreparedDive
+from sblcosim.scenario.scenario import load
 from sblcosim.web import bundle, columns, page, playback
 from seams import Seam
 from shapes import SHAPES, run_of
@@ -341,3 +344,18 @@ def test_beacons_of_a_log_stay_where_they_last_said_they_were() -> None:
         last = np.maximum(np.searchsorted(epochs, at + 1e-6, side="right") - 1, 0)
         expected = heard.beacon_position[own][last, 0]
         np.testing.assert_allclose(back[f"reported.{i}.x"] / 1e3, expected, atol=5.1e-4)
+
+
+def test_a_packed_dive_is_its_facts_and_its_numbers_and_nothing_else() -> None:
+    tables = {"one": np.arange(6.0).reshape(3, 2) / 7, "none": np.empty((0, 2))}
+    for size in range(9):  # of the text, whose end is filled up to 8 bytes
+        facts = {"name": "é" * size}
+        text = PreparedDive(load("paper-scenario-1"), facts, tables).packed(more=1)
+        whole = zlib.decompress(b64decode(text))
+        length = int.from_bytes(whole[:4], "little")
+        sizes = {"one": [3, 2], "none": [0, 2]}
+        assert json.loads(whole[4 : 4 + length]) == {**facts, "more": 1, "tables": sizes}
+        start = -(-(4 + length) // 8) * 8
+        assert not any(whole[4 + length : start])
+        numbers = np.frombuffer(whole[start:], "<f8")
+        assert numbers.tolist() == tables["one"].T.ravel().tolist()
