@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib.util
+import json
+import re
 import zipfile
 from collections.abc import Callable
 from importlib.resources import files
@@ -477,7 +479,7 @@ def test_a_unit_that_means_something_else_elsewhere_is_left_to_the_fmu(
     assert (ours[0].get("unit"), theirs[0].get("unit")) == ("m/s", None)
 
 
-def test_an_enumeration_is_written_as_its_number(
+def test_an_enumeration_is_written_as_its_number_and_read_by_its_items(
     receiver: Callable[..., Path], tmp_path: Path
 ) -> None:
     def variable(name: str, causality: str, start: str) -> str:
@@ -503,6 +505,21 @@ def test_an_enumeration_is_written_as_its_number(
     assert (parameter.get("name"), parameter[0].get("value")) == ("mode", "2")
     assert parameter[0].tag == f"{{{NS['ssv']}}}Integer"
     assert b'name="state"' not in package.read("SystemStructure.ssd")
+    for item, number in (("b", 2), ("a", 1), ("c", None)):
+        named = tmp_path / f"{item}.ssp"
+        with zipfile.ZipFile(named, "w") as other:
+            for name in package.namelist():
+                content = package.read(name)
+                if name.endswith("receiver.ssv"):
+                    as_item = b'Enumeration value="%s"' % item.encode()
+                    content = re.sub(rb'Integer value="2"', as_item, content)
+                other.writestr(name, content)
+        done = CliRunner().invoke(app, ["plan", str(named), "--json"])
+        if number is None:
+            assert "receiver.mode: must be a, b, got 'c'" in done.stderr
+            continue
+        of = {it["name"]: it["values"] for it in json.loads(done.stdout)["parameters"]}
+        assert of["receiver.mode"] == [number]
 
 
 def test_the_toolbox_is_named_if_it_is_missing(
