@@ -28,6 +28,10 @@
 //   counts                     numbers of beacons that this page has modules for; those other than
 //                              the scenario's are being loaded until the promise `loaded` is kept
 //   pathPoints, setPath([[north, east, depth], …], speed)    speed [m/s] is optional
+//   mostPoints                 of the boat's track in this page; 0: it cannot follow one
+//   track, setTrack([[time, north, east, heading], …])    of the boat [s, m, °]; none: it has none.
+//                              The heading may be left out in all rows
+//   isUnderWay                 whether the boat moves along a course or a track
 //   seed, setSeed(seed)
 //   types, receivers, setReceivers(["coupled", "ekf", "raw"])
 //   toml(), command()          scenario file and command line with the same numbers to the bit
@@ -52,9 +56,10 @@
 //   cancel()                   stop what workers do
 
 import { Engine, Pool } from "../../wasm/engine.js";
+import { isOnTrack, isUnderWay } from "./boat.js";
 import { problemsOf, problemsOfTimes } from "./checks.js";
 import { beaconsOf, filled } from "./filling.js";
-import { brief, nanoseconds, textOf, written } from "./numbers.js";
+import { brief, nanoseconds, settled, textOf, written } from "./numbers.js";
 import { Bound } from "./bound.js";
 import { causesOf, hasEffect, switchesOf } from "./limits.js";
 import { waterOf } from "./places.js";
@@ -155,6 +160,17 @@ export class Explorer {
     return rowsOf(this.value("target.waypoint_m"), 3).slice(0, this.value("target.waypoint_count"));
   }
 
+  get mostPoints() { return this.#data.rules.track_points.platform; }
+  get isUnderWay() { return isUnderWay((path) => this.#state.values.get(path)); }
+
+  /** Points of the boat's track: time, north, east and heading [s, m, °]; empty if it has none. */
+  get track() {
+    const of = (key) => this.#state.values.get(`platform.${key}`), headings = of("track_heading_deg");
+    if (!isOnTrack((path) => this.#state.values.get(path))) return [];
+    return rowsOf(of("track_m"), 2).slice(0, of("track_count")).map((it, i) =>
+      [of("track_time_s")[i], ...it, ...(headings.length ? [headings[i]] : [])]);
+  }
+
   problems() {
     return [...this.#pending].flatMap(([path, it]) => it.message ? [{ path, message: it.message }] : []);
   }
@@ -194,6 +210,17 @@ export class Explorer {
     ]);
     if (speed !== undefined) changes.set("target.speed_m_s", speed);
     return this.#changeAll(changes);
+  }
+
+  setTrack(rows) {
+    const points = rows.map(([time, ...it]) => [settled(time), ...it.map(toMillimetres)]);
+    const found = rows.length ? {
+      track_time_s: points.map(([time]) => time), track_m: points.map(([, north, east]) => [north, east]),
+      track_heading_deg: rows.every((it) => it.length > 3) ? points.map((it) => it[3]) : null,
+      boat_speed_m_s: null, boat_course_deg: null,
+    } : { track_time_s: null, track_m: null, track_heading_deg: null };
+    return this.#changeAll(new Map(Object.entries({ ...found, track_count: null }).map(
+      ([key, value]) => [`platform.${key}`, value])));
   }
 
   // Changes of keys, with those that wait for others; null unsets a key.
@@ -345,7 +372,6 @@ export class Explorer {
   get #numbers() {
     const of = (path, name) => this.byPath.get(path).numbers[name];
     return Object.assign(of, {
-      has: (path) => this.byPath.has(path),
       columns: (path) => this.byPath.get(path).columns ?? 1,
       start: (path) => this.byPath.get(path).default,
     });
@@ -482,6 +508,7 @@ export class Explorer {
     return runOf({
       record: values, instants: plan.instants, interval: times.interval.target, beacons,
       looks: this.#looks, arms: this.#hasArms(values["platform.beacon_position"], beacons),
+      sails: this.isUnderWay,
     });
   }
 

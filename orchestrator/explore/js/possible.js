@@ -1,5 +1,6 @@
 // What was possible in a dive: `orchestrator/limits/` (run, parameters, verdict).
 
+import { isUnderWay } from "./boat.js";
 import { echoChances, fisherFactor, lost, pathPsd, sharesAlong } from "./information.js";
 import { leftOut } from "./leftout.js";
 import { epochOf, epochsOf, stateOf } from "./record.js";
@@ -129,7 +130,7 @@ function median(values) {
 function hasOwnErrors(of, { motions, sensors }) {
   const any = (keys) => keys.some((key) => [of(`platform.${key}`) ?? 0].flat().some((it) => it));
   if (!of("platform.gps_shared")) return true;
-  const moves = of("platform.boat_speed_m_s") > 0 || any(motions[of("platform.motion")]);
+  const moves = isUnderWay(of) || any(motions[of("platform.motion")]);
   return of("platform.mounting_std_m") > 0 && !moves && !any(sensors);
 }
 
