@@ -2,8 +2,7 @@
 //
 // const explorer = await Explorer.open(contents, makeWorker);
 //   contents      parsed JSON of the page (`orchestrator/explore/contents.py`)
-//   makeWorker    () => a Worker whose script calls serve(self) of `orchestrator/wasm/engine.js`;
-//                 null: everything runs here
+//   makeWorker    () => a Worker whose script is `served.js`; null: everything runs here
 //   workers       third argument, optional: how many; default: all cores but one
 //
 // Names and keys
@@ -50,20 +49,22 @@
 //   possible(count)            async, what was possible in the first dives; { dives, receivers: { label:
 //                              { kind, accuracy, absolute, relative [m], with [m], leftOut: { words: m },
 //                              … } } }; without receivers and with a sentence `why` if there is none
-//   water(grid, onPart, wanted) async, of the first receiver; 95 % error by place:
-//                              { north, east, size, depth, values, n, done }, or { why } if there is
-//                              none; null as soon as `wanted()` no longer says true
+//   water(grid, onPart, wanted, what) async, of the first receiver, by place: the 95 % error or, for
+//                              what = "possible", that of a perfect receiver: { north, east, size,
+//                              depth, values, n, done, words }, or { why } if there is none; null as
+//                              soon as `wanted()` no longer says true. Values [m] are Infinity where
+//                              nothing is possible; words: of errors that are left out and matter
 //   cancel()                   stop what workers do
 
 import { Engine, Pool } from "../../wasm/engine.js";
+import { drawsLosses } from "./area.js";
 import { isOnTrack, isUnderWay } from "./boat.js";
 import { problemsOf, problemsOfTimes } from "./checks.js";
 import { beaconsOf, filled } from "./filling.js";
 import { brief, nanoseconds, settled, textOf, written } from "./numbers.js";
-import { Bound } from "./bound.js";
 import { causesOf, hasEffect, switchesOf } from "./limits.js";
-import { waterOf } from "./places.js";
-import { conditionsOf, isNeeded, possibleOf, togetherOf } from "./possible.js";
+import { possibleWaterOf, waterOf } from "./places.js";
+import { isNeeded, togetherOf } from "./possible.js";
 import { assembled, countOf, stopOf } from "./plans.js";
 import { isDrawn, runOf } from "./record.js";
 import { replayed } from "./recorded.js";
@@ -71,6 +72,7 @@ import { Settings } from "./start_values.js";
 import { PERCENTAGES, lengthsOf, summaryOf } from "./statistics.js";
 import { unpacked } from "./unpacked.js";
 import { Refusal, fileOf, valueOf } from "./values.js";
+import { TASKS } from "./worker.js";
 
 const CORE = ["target", "platform", "acoustics"], RAW = "raw", FIX = "multilateration";
 const SEED = { path: "seed", table: "", key: "seed", kind: "integer" };
@@ -81,7 +83,7 @@ const POSSIBLE = 8, MOST_POSSIBLE = 20_000; // dives of which is said what was p
 const PART = 32; // dives that a worker does before it shows them
 
 export class Explorer {
-  #data; #plain = false; #bound; #given; #loaded; #receivers; #loadedReceivers; #seed; #state;
+  #data; #plain = false; #kit; #given; #loaded; #receivers; #loadedReceivers; #seed; #state;
   #pending = new Map();
   #settings = new Map(); // by number of beacons
   #engines = new Map();
@@ -92,7 +94,8 @@ export class Explorer {
     const explorer = new Explorer(contents, makeWorker, workers);
     const own = beaconsOf(contents, explorer.#given);
     await explorer.#ready(own);
-    explorer.#bound = await Bound.load(await unpacked(contents.modules.bound), contents.bound.task);
+    const { bound: facts, sources, rules: { legs }, modules } = contents;
+    explorer.#kit = { module: await WebAssembly.compile(await unpacked(modules.bound)), facts, sources, legs };
     explorer.loaded = Promise.all(explorer.counts.map((it) => explorer.#ready(it)));
     const problem = explorer.#try(explorer.#given, explorer.#receivers, explorer.#seed);
     if (problem.length) throw new Error(problem.map((it) => it.message).join("\n"));
@@ -580,7 +583,7 @@ export class Explorer {
   async #pool(beacons) {
     if (!this.#makeWorker) return null;
     if (!this.#pools.has(beacons))
-      this.#pools.set(beacons, new Pool(this.#engines.get(beacons), this.#makeWorker, this.#workers));
+      this.#pools.set(beacons, new Pool(this.#engines.get(beacons), this.#makeWorker, this.#workers, undefined, this.#kit));
     return this.#pools.get(beacons);
   }
 
@@ -592,14 +595,22 @@ export class Explorer {
     return causesOf(this.#laboratory(), this.switches, count, onPart);
   }
 
-  /** 95 % error of the first receiver by place, as of `sblcosim map`; see the head of this file. */
-  async water(grid, onPart = () => {}, wanted) { return waterOf(this.#laboratory(), grid, onPart, wanted); }
+  /** 95 % errors by place, as of `sblcosim map`; see the head of this file. */
+  async water(grid, onPart = () => {}, wanted = undefined, what = "error") {
+    return (what === "possible" ? possibleWaterOf : waterOf)(this.#laboratory(), grid, onPart, wanted);
+  }
 
   // What dives of the first receiver need, as long as the state holds.
   #laboratory() {
     const state = this.#state, [{ label }] = state.chosen, { lengths } = this.#engines.get(state.beacons);
     return {
-      state, label, holds: () => state === this.#state,
+      state, label, holds: () => state === this.#state, isUnderWay: this.isUnderWay,
+      drawsLosses: drawsLosses((path) => state.values.get(path), this.#kit.facts),
+      conditions: (changes) => {
+        const own = this.#variant(state, changes, state.chosen.slice(0, 1));
+        return own && this.#conditions(own);
+      },
+      each: (task, all) => this.#each(state, task, all),
       plan: (changes, options) => {
         const own = this.#variant(state, changes, state.chosen.slice(0, 1));
         return own && this.#plan(own, options);
@@ -635,36 +646,39 @@ export class Explorer {
 
   /** What was possible in the first dives, as of `sblcosim run`; see the head of this file. */
   async possible(count = POSSIBLE) {
-    const state = this.#state, conditions = this.#conditions(state), found = [];
-    const pause = () => new Promise((done) => setTimeout(done)); // the page goes on meanwhile
-    for (let i = 0; i < count; i++) {
-      await pause();
-      if (state !== this.#state) return null;
-      const { plan: { instants, receivers: labels }, values: record } = this.record(state.seed + i, isNeeded);
-      await pause();
-      if (state !== this.#state) return null;
-      found.push(possibleOf(conditions, { record, instants, labels }));
-      if (found[0].why) return found[0];
-      count = Math.min(count, Math.ceil(MOST_POSSIBLE / instants.length));
-    }
-    return togetherOf(found, conditions.facts);
+    const state = this.#state, told = this.#conditions(state), { facts } = this.#kit;
+    const plan = (seed) => this.#plan(state, { record: isNeeded, seed });
+    const first = plan(state.seed), most = Math.min(count, Math.ceil(MOST_POSSIBLE / first.instants.length));
+    const found = await this.#each(state, "possible", Array.from({ length: most }, (_, i) =>
+      ({ plan: { ...(i ? plan(state.seed + i) : first) }, seed: state.seed + i, told })));
+    if (!found || found[0].why) return found && found[0];
+    return togetherOf(found, facts);
   }
 
-  // What is needed to know what was possible in a dive: see `possible.js`.
+  // What workers give for each argument of a task, see `worker.js`; null if the state no longer holds.
+  async #each(state, task, all) {
+    const pool = await this.#pool(state.beacons), held = { engine: this.#engines.get(state.beacons), kit: this.#kit };
+    if (state !== this.#state) return null;
+    const found = pool ? await pool.each(task, all) : all.map((it) => TASKS[task](held, it));
+    return state === this.#state ? found : null;
+  }
+
+  // What is needed to know what is possible, as a message can hold it: see `worker.js`.
   #conditions({ values, given, beacons, told, chosen: [{ type }], times: { interval } }) {
-    const { bound: facts, rules, sources } = this.#data, known = rules.receiver_keys[type];
+    const { rules } = this.#data, { facts } = this.#kit, known = rules.receiver_keys[type];
     const has = (path) => !path.startsWith("receiver.") || known.includes(this.byPath.get(path).key);
-    const of = (path) => has(path) ? values.get(path) : undefined;
+    const of = (path) => has(path) ? values.get(path) : undefined, settings = this.#settings.get(beacons);
     const own = new Map([...given].filter(([path]) =>
       has(path) && (path === SOURCE || !path.startsWith("receiver."))));
-    return conditionsOf({
-      bound: this.#bound, facts, legs: rules.legs, sources, of, beacons, interval: interval.target,
-      starts: this.#settings.get(beacons).computed(values, own, this.#numbers),
-      hasEffect: (path) => hasEffect({ byPath: this.byPath }, values, path),
+    const starts = settings.computed(values, own, this.#numbers);
+    return {
+      values: new Map([...values].filter(([path]) => has(path))), beacons, interval: interval.target,
+      starts: Object.fromEntries(Object.keys(settings.values).map((it) => [it, starts(it)])),
+      effects: new Set(facts.unmodelled.filter((path) => hasEffect({ byPath: this.byPath }, values, path))),
       knownStart: told || of("receiver.initialisation") === "prior",
       ownBeacon: rules.contents[of("acoustics.packet_content")].only_own
         || (type === "coupled" && of(SOURCE) === "own_beacon"),
-    });
+    };
   }
 
   /** Stop: results of what runs now are never delivered. */

@@ -43,8 +43,8 @@ function beside(of, positions, since) {
   });
 }
 
-// From body to NED, the arms, and the beacons in still water, NED [m].
-function placed(of, arms) {
+/** From body to NED, the arms, and the beacons in still water, NED [m]. */
+export function placed(of, arms) {
   const heading = radians(of("platform.mean_heading_deg")), c = Math.cos(heading), s = Math.sin(heading);
   const turn = ([x, y, z]) => [c * x - s * y, s * x + c * y, z], mean = of("platform.mean_position_m");
   return { turn, arms, beacons: arms.map((it) => turn(it).map((x, i) => x + mean[i])) };
