@@ -20,7 +20,7 @@ _RULE = (16, 8)
 """Nodes over the cosine of the angle to the largest axis, and about it."""
 _PASSES = 60
 _ENOUGH = 1e-6
-"""Relative size of the last step of Newton's iteration, after which the error is about its square."""
+"""Relative size of the last step of Newton's iteration: its error is about the square of that."""
 
 
 def percentile(covariances: Floats, share: float = 0.95) -> Floats:
