@@ -36,7 +36,7 @@ def told() -> Mapping[str, Any]:
 
 def drawn(numbers: random.Random, count: int) -> dict[str, Any]:
     """A track of so many points, perhaps with rests and perhaps without headings."""
-    times = sorted(round(numbers.uniform(0, 60), 3) + i / 100 for i in range(count))
+    times = [it / 1000 for it in sorted(numbers.sample(range(60_000), count))]
     points = [[round(numbers.uniform(-9, 9), 3) for _ in range(2)] for _ in range(count)]
     if count > 3:
         points[2] = points[1]
