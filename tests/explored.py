@@ -21,6 +21,7 @@ from sblcosim.fmus.build import compiler
 from sblcosim.prepare.scenario import of_scenario
 from sblcosim.scenario.scenario import Scenario, load
 from sblcosim.scenario.schema import toml
+from sblcosim.scenario.tracks import FOLLOWERS
 
 NODE = shutil.which("node")
 SCRIPT = Path(__file__).parents[1] / "orchestrator" / "explore" / "js" / "explorer.js"
@@ -63,6 +64,8 @@ def plain(message: str, name: str) -> list[str]:
 
 UNUSUAL = ("acoustics.temperature_C", "acoustics.profile_temperature_C")
 """Keys that a page refuses, though the command line takes them."""
+OF_BOATS = tuple(f"platform.{it}" for it in (*FOLLOWERS["platform"].point_keys, "departure_time_s"))
+"""Keys of a boat's track, which a page refuses unless its scenario has one."""
 LONG = ("sampling_time_s", "interval_s", "duration_s", "ekf_ratio")
 KEYS = [it for it in declarations() if it["table"] != "place" and it["key"] != "type"]
 
@@ -82,7 +85,8 @@ def settings(numbers: random.Random, count: int, without: tuple[str, ...] = ()) 
     """Some keys at random, for the number of beacons that the page has."""
     keys = [
         it for it in KEYS
-        if it["path"] not in UNUSUAL and it["key"] not in (*without, "beacons", "beacon_m")
+        if it["path"] not in (*UNUSUAL, *OF_BOATS)
+        and it["key"] not in (*without, "beacons", "beacon_m")
     ]
     return drawn(numbers, count, keys)
 

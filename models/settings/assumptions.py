@@ -496,7 +496,8 @@ def _motion(platform: Any, axes: Sequence[str], std: str, time: str) -> dict[str
 def _heading_rate(platform: Any) -> dict[str, Any]:
     """RMS rate of the platform's heading, and its correlation time."""
     keys = "heading_rate_std_deg_s", "heading_rate_time_s"
-    return boat.turning(platform, _motion(platform, ("yaw",), *keys), *keys, yaw=True)
+    told = _motion(platform, ("yaw",), *keys)
+    return boat.turning(platform, told, *keys, told, yaw=True)
 
 
 _VELOCITY = "platform_velocity_std_m_s", "platform_velocity_time_s"
@@ -511,8 +512,6 @@ def _velocity(platform: Any) -> dict[str, Any]:
     drift.
     """
     told = _wavering(platform)
-    if not symbolic(platform.track_count) and platform.track_count:
-        return boat.turning(platform, told, *_VELOCITY)
     std: Any = told["platform_velocity_std_m_s"]
     time = told.get("platform_velocity_time_s")
     way = platform.boat_speed_m_s
@@ -521,11 +520,11 @@ def _velocity(platform: Any) -> dict[str, Any]:
     grown = square(ratio(both, where(moves, std, 1.0)))
     longer = (_STILL if time is None else time) * grown
     slow = where(moves, longer, _STILL)
-    return boat.turning(platform, {
+    return boat.turning(platform, told, *_VELOCITY, {
         "platform_velocity_std_m_s": where(way > 0, both, std),
         **_known("platform_velocity_time_s", (std + way) > 0,
                  where(way > 0, slow, _STILL if time is None else time)),
-    }, *_VELOCITY)
+    })
 
 
 def _wavering(platform: Any) -> dict[str, Any]:

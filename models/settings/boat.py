@@ -6,16 +6,22 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
-from .either import ratio, sqrt, square, where
-from .expression import UNKNOWN, Expression
+from .either import ratio, sqrt, square, total, where
+from .expression import Expression, symbol
 
 _STILL = 1e6
 """Correlation time [s] of what does not change."""
 _LEAST = 1e-6
 """Shortest time between two points [s]."""
 
-Rates = tuple[float, float]
+Rates = tuple[Any, Any]
 """Mean square of a rate, and sum of the squares of its changes per second; both per axis."""
+_VELOCITY, _YAW = (
+    tuple(f"platform.{key}[{what}]" for what in ("rates", "changes"))
+    for key in ("track_m", "track_heading_deg")
+)
+RATES = (*_VELOCITY, *_YAW)
+"""Inputs of the settings module in place of the points of a track: see `rates`."""
 
 
 def heading(platform: Any) -> Any:
@@ -28,7 +34,8 @@ def heading(platform: Any) -> Any:
 
 
 def turning(
-    platform: Any, told: Mapping[str, Any], std: str, time: str, *, yaw: bool = False
+    platform: Any, told: Mapping[str, Any], std: str, time: str, straight: Mapping[str, Any], *,
+    yaw: bool = False,
 ) -> dict[str, Any]:
     """What receivers are told of a rate, with that of a boat on a track.
 
@@ -38,41 +45,59 @@ def turning(
     Parameters
     ----------
     told
-        Standard deviation and, if known, correlation time [s] without a track.
+        Standard deviation and, if known, correlation time [s] of the platform's own motion.
     std, time
         Their keys.
+    straight
+        What receivers are told without a track.
     yaw
         Whether the rate is that of the heading [deg/s], or the velocity, north and east [m/s].
     """
     count = platform.track_count
-    if isinstance(count, Expression):  # the points are not inputs of the settings module
-        return {key: where(count > 0, UNKNOWN, value) for key, value in told.items()}
-    if not count:
-        return dict(told)
-    mean, changes = _rates(platform, yaw)
+    follows = isinstance(count, Expression)
+    if not follows and not count:
+        return dict(straight)
+    mean, changes = rates(platform, yaw)
     own = square(told[std])
+    # A time that is not known belongs to a rate of 0.
     noise = changes + 2 * own / told.get(time, _STILL)
     both = own + mean
     slow = where(noise > 2 * both / _STILL, 2 * both * ratio(1.0, noise), _STILL)
-    return {**told, std: sqrt(both), time: slow}
+    found = {**told, std: sqrt(both), time: slow}
+    if not follows:
+        return found
+    return {key: where(count > 0, value, straight[key]) for key, value in found.items()}
 
 
-def _rates(platform: Any, yaw: bool) -> Rates:
+def rates(platform: Any, yaw: bool) -> Rates:
+    """How fast a boat moves or turns on its track, and how much that changes.
+
+    In the settings module they are inputs: it has no room for all points.
+    """
+    if isinstance(platform.track_count, Expression):
+        mean, changes = _YAW if yaw else _VELOCITY
+        return symbol(mean), symbol(changes)
     width = 1 if yaw else 2
     flat = platform.track_heading_deg if yaw else platform.track_m
     times = platform.track_time_s[: platform.track_count]
     rows = [flat[width * i : width * (i + 1)] for i in range(min(len(times), len(flat) // width))]
     spans = [max(b - a, _LEAST) for a, b in pairwise(times)]  # their order is checked later
     rest = (0.0,) * width
-    rates = [
+    each = [
         [(b - a) / span for a, b in zip(*both, strict=True)]
         for both, span in zip(pairwise(rows), spans, strict=False)
     ]
-    duration = max(sum(spans), _LEAST) * width
-    mean = sum(span * _squares(rate, rest) for span, rate in zip(spans, rates, strict=False))
-    changes = sum(_squares(*both) for both in pairwise([rest, *rates, rest]))
+    duration = max(total(spans), _LEAST) * width
+    mean = total(span * _squares(rate, rest) for span, rate in zip(spans, each, strict=False))
+    changes = total(_squares(*both) for both in pairwise([rest, *each, rest]))
     return mean / duration, changes / duration
 
 
-def _squares(one: Sequence[float], other: Sequence[float]) -> float:
-    return sum((a - b) ** 2 for a, b in zip(one, other, strict=True))
+def inputs(platform: Any) -> dict[str, float]:
+    """The rates of a platform by their names in `RATES`; 0 without a track."""
+    found = [rates(platform, yaw) if platform.track_count else (0.0, 0.0) for yaw in (False, True)]
+    return dict(zip(RATES, (it for both in found for it in both), strict=True))
+
+
+def _squares(one: Sequence[float], other: Sequence[float]) -> Any:
+    return total(square(a - b) for a, b in zip(one, other, strict=True))

@@ -24,7 +24,7 @@ from .assumptions import (
     range_noise,
     with_common,
 )
-from .boat import heading
+from .boat import RATES, heading
 from .either import where
 from .expression import Expression, computed, inputs_of, ordered, symbol
 from .keys import OF_RECEIVERS, in_si
@@ -43,7 +43,8 @@ class StartValues:
     ----------
     inputs
         Elements of the keys that `computed` depends on, ``"platform.gps_antenna_offset_m[2]"``, in
-        the units of a scenario file. Choices, switches and named values are numbers.
+        the units of a scenario file. Choices, switches and named values are numbers. Of a boat's
+        track there are only its `sblcosim.models.settings.boat.RATES`.
     computed
         Elements of parameters by name, ``"coupled.gps_std"``, in SI units.
     copied
@@ -110,6 +111,8 @@ def start_values(beacons: int) -> StartValues:
                 copied[f"{name}.{variable.name}"] = path
             else:
                 found[f"{name}.{variable.name}"] = values
+    for each in RATES:
+        order[each] = len(order)
     needed = _levels(_tables(known, filled, beacons)[-1], beacons)
     inputs = inputs_of(*(it for values in found.values() for it in values), *needed.values())
     return StartValues(

@@ -6,6 +6,8 @@ from typing import Any
 
 from sblcosim.models import RECEIVERS
 from sblcosim.models.acoustics.ranging import INVERTED
+from sblcosim.models.acoustics.schedules import SCHEDULES, Schedule
+from sblcosim.models.ports import BEACONS
 from sblcosim.models.receiver.bound import BOUNDS, SITUATION
 
 from ..limits import parameters
@@ -37,10 +39,21 @@ def facts() -> dict[str, Any]:
         "situation": [*SITUATION],
         "models": {name: _model(number, name) for number, name in enumerate(BOUNDS)},
         "inverted": [*INVERTED],
+        "schedules": {name: _schedule(it) for name, it in SCHEDULES.items()},
         "most_bearing": MOST_BEARING_STD, "most_distance": MOST_DISTANCE_SHARE,
         "most_epochs": MOST_EPOCHS, "matters": MATTERS,
         "unmodelled": [*UNMODELLED], "survey": SURVEY, "delays": DELAYS,
         **arrangement.keys_of_errors(Platform),
+    }
+
+
+def _schedule(schedule: Schedule) -> dict[str, Any]:
+    """By number of beacons: how many ping at once, and the place of the first, slot by slot."""
+    return {
+        str(n): {
+            "together": schedule.together(n),
+            "first": [int(schedule.place(slot)) % n for slot in range(n)],
+        } for n in range(BEACONS.least, BEACONS.most + 1)
     }
 
 

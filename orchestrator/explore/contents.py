@@ -16,7 +16,6 @@ from sblcosim.models.acoustics.ranging import RANGINGS
 from sblcosim.models.ports import BEACONS
 from sblcosim.models.settings.assumptions import PARAMETERS
 from sblcosim.models.settings.keys import starts
-from sblcosim.models.target.variables import TRACK_POINTS
 
 from ..data.arms import LONGEST_ARM
 from ..errors import ConfigurationError
@@ -27,7 +26,7 @@ from ..scenario.filling import DEFAULT_RECEIVER
 from ..scenario.labels import RAW
 from ..scenario.scenario import Scenario
 from ..scenario.schema import CORE_COMPONENTS, SEED, TABLES, given_of
-from ..scenario.tracks import capacity, follows
+from ..scenario.tracks import FOLLOWERS, capacity, follows
 from ..simulation.plans.plan import LAG
 from ..style import LINES, THEMES
 from ..wasm import modules
@@ -38,7 +37,8 @@ from .parts import parts
 COMPARED = ("coupled", "ekf", "multilateration")
 """Receivers that every page has, beside those of its scenario."""
 USUAL_POINTS = 256
-"""Largest number of points of a recorded track in a page, unless its scenario has a longer one."""
+"""Largest number of points of a recorded track in a page, unless its scenario has a longer one. A
+boat has a track in a page only if it has one in the scenario: others have no code for it."""
 LATE = "receiver.outlier_mean_m"
 """What a receiver assumes about late ranges: the mean excess of outliers and echoes."""
 LANES = (2, 1)
@@ -146,7 +146,7 @@ def refuse(scenario: Scenario) -> None:
     Raises
     ------
     ConfigurationError
-        It has files of other authors, or a boat on a track.
+        It has files of other authors.
     """
     for name in (*CORE_COMPONENTS, "receiver"):
         table = getattr(scenario, name)
@@ -155,12 +155,6 @@ def refuse(scenario: Scenario) -> None:
                 f"{scenario.where(name, 'fmu')}: must be left out to explore the scenario, as a "
                 "page has our components only"
             )
-    if follows("platform", scenario.platform):
-        key = "track_file" if "platform" in scenario.recorded else "track_time_s"
-        raise ConfigurationError(
-            f"{scenario.where('platform', key)}: must be left out to explore the scenario, as no "
-            "boat of a page follows a track"
-        )
 
 
 def is_possible(scenario: Scenario, receiver: str) -> bool:
@@ -186,9 +180,13 @@ def given(scenario: Scenario) -> dict[str, Any]:
 
 
 def _points(scenario: Scenario) -> dict[str, int]:
-    """The constant of the build for the diver's track."""
-    name = TRACK_POINTS.name
-    return {name: max(USUAL_POINTS, capacity("target", scenario.target)[name])}
+    """The constants of the build for recorded tracks."""
+    return {
+        constant: max(USUAL_POINTS, count)
+        for name in FOLLOWERS
+        for table in (getattr(scenario, name),) if name == "target" or follows(name, table)
+        for constant, count in capacity(name, table).items()
+    }
 
 
 def _system(
@@ -249,7 +247,9 @@ def _rules(scenario: Scenario) -> dict[str, Any]:
             for name, it in CONTENTS.items()
         },
         "seed": {"least": SEED.min, "most": SEED.max},
-        "track_points": _points(scenario)[TRACK_POINTS.name],
+        "track_points": {
+            name: _points(scenario).get(it.constant.name, 0) for name, it in FOLLOWERS.items()
+        },
         "floor": FLOOR,
         "late": {"key": LATE, "value": _late(scenario)},
         "far": LONGEST_ARM,
@@ -298,7 +298,7 @@ def ready(
 ) -> dict[str, Path]:
     """The modules of pages with the usual receivers, by cache key and name of the file."""
     types = [it for it in RECEIVERS if it in COMPARED]
-    points = {TRACK_POINTS.name: USUAL_POINTS}
+    points = {FOLLOWERS["target"].constant.name: USUAL_POINTS}
     file = bound.library(platform=WASM)
     found = {f"{bound.key(WASM)}/{file.name}": file}
     for count in counts:

@@ -12,16 +12,11 @@ from sblcosim.models.settings.names import names_of
 from sblcosim.models.settings.presets import DECLARED, preset
 
 from ..scenario.schema import FILES, TABLES, Table
-from ..scenario.tracks import FOLLOWERS
 
 _TIMES = ("sampling_time_s", "update_interval_s", "interval_s", "duration_s")
 """Keys that lose their rounding errors when loaded."""
 _LEFT_OUT = (*FILES, "fmi", "parameters", "track_tolerance_m")
 """Keys that need files, or do not change a number."""
-OF_BOATS = frozenset(
-    f"platform.{COMPONENTS['platform'][it].key}" for it in FOLLOWERS["platform"].parameters
-)
-"""Keys of a boat's track, for which a page has no component."""
 _BOUNDS = {"minimum": "least", "maximum": "most", "exclusiveMinimum": "above",
            "exclusiveMaximum": "below"}
 _KINDS = {"number": "number", "integer": "integer", "boolean": "switch"}
@@ -46,7 +41,7 @@ def declarations() -> list[dict[str, Any]]:
 def _all() -> Iterator[dict[str, Any]]:
     for name, table in TABLES.items():
         for key, schema in table.model_json_schema()["properties"].items():
-            if key not in _LEFT_OUT and f"{name}.{key}" not in OF_BOATS:
+            if key not in _LEFT_OUT:
                 yield _declared(name, table, key, schema)
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..scenario.scenario import Scenario
-from ..web.bundle import module
+from ..web.bundle import bundled
 from ..web.page import environment, filled, saved, style
 from .contents import PackedDive, contents, document, packed
 
@@ -17,8 +17,7 @@ MAIN = "explore/js/page"
 """The module of the page: its DOM."""
 DIVE_ENDING = ".json"
 """Ending of the file of a recorded dive."""
-_SERVE = "\nserve(self);\n"
-"""From a file, Chromium starts only workers that are not modules."""
+_WORKER = "explore/js/served"
 
 
 def write(
@@ -81,8 +80,8 @@ def render(told: dict[str, Any]) -> str:
 
 
 def worker() -> str:
-    """Script of a worker of the page."""
-    return module("wasm/engine").replace("\nexport ", "\n") + _SERVE
+    """Script of a worker of the page. From a file, Chromium starts none that is a module."""
+    return bundled(_WORKER)
 
 
 def _source(name: str) -> str:

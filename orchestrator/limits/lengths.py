@@ -20,7 +20,7 @@ _RULE = (16, 8)
 """Nodes over the cosine of the angle to the largest axis, and about it."""
 _PASSES = 60
 _ENOUGH = 1e-6
-"""Relative error of a squared length at which Newton's iteration ends."""
+"""Relative size of the last step of Newton's iteration: its error is about the square of that."""
 
 
 def percentile(covariances: Floats, share: float = 0.95) -> Floats:
@@ -57,9 +57,8 @@ def percentile(covariances: Floats, share: float = 0.95) -> Floats:
         slope = (wave / 2 / along * weights).sum(axis=(0, 2))
         low, high = np.where(reached < share, x, low), np.where(reached < share, high, x)
         step = x + (share - reached) / np.fmax(slope, 1e-300)
-        better = np.where((step > low) & (step < high), step, (low + high) / 2)
-        done = np.abs(better - x) <= _ENOUGH * x
-        x = better
+        done = np.abs(step - x) <= _ENOUGH * x
+        x = np.where(done | ((step > low) & (step < high)), step, (low + high) / 2)
         if done.all():
             break
     result: Floats = np.where(whole, np.sqrt(np.where(largest > 0, x * largest, 0.0)), np.nan)

@@ -16,6 +16,7 @@ from sblcosim.fmus.build.c_files import c_files
 from sblcosim.fmus.build.compiler import Compiler
 from sblcosim.models import COMPONENTS
 from sblcosim.models.declaration import Variable
+from sblcosim.models.settings import boat
 from sblcosim.models.settings.expression import Expression, called, statements
 from sblcosim.models.settings.keys import OF_RECEIVERS, in_file_units
 from sblcosim.models.settings.names import names_of
@@ -107,8 +108,11 @@ def keys_of(scenario: Any) -> list[float]:
     scenario
         A loaded scenario, or an object with the same tables.
     """
-    of = start_values(scenario.beacons)
-    return [_element(scenario, *name.partition("["), of.optional) for name in of.inputs]
+    of, moving = start_values(scenario.beacons), boat.inputs(scenario.platform)
+    return [
+        moving[name] if name in moving else _element(scenario, *name.partition("["), of.optional)
+        for name in of.inputs
+    ]
 
 
 def _element(

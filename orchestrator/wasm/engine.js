@@ -269,16 +269,20 @@ export class Engine {
   }
 }
 
-/** In a worker: answer the messages of a `Pool`. The port is `self`, or node's `parentPort`. */
-export function serve(port) {
-  let engine;
-  const plans = {};
+/**
+ * In a worker: answer the messages of a `Pool`. The port is `self`, or node's `parentPort`.
+ *
+ * tasks: what workers can do besides, by name: functions of { engine, kit } and an argument.
+ */
+export function serve(port, tasks = {}) {
+  const held = { engine: null, kit: null }, plans = {};
   port.addEventListener("message", ({ data }) => {
-    const { id, module, name, plan, seeds, percentages } = data;
+    const { id, module, kit, name, plan, seeds, percentages, task, argument } = data;
     try {
-      if (module) engine = new Engine(module);
+      if (module) Object.assign(held, { engine: new Engine(module), kit });
       if (plan) plans[name] = new Plan(plan.description, plan.content);
-      const result = seeds ? engine.run(plans[name], seeds, percentages) : null;
+      const result = task ? tasks[task](held, argument)
+        : seeds ? held.engine.run(plans[name], seeds, percentages) : null;
       port.postMessage({ id, result });
     } catch (error) {
       port.postMessage({ id, error: error.message });
@@ -289,19 +293,20 @@ export function serve(port) {
 
 /** Workers that share runs: what a run gives depends on its seed, never on who runs it when. */
 export class Pool {
-  #engine; #make; #patience;
+  #engine; #make; #patience; #kit;
   #plans = new Map();
   #pace = PACE;
   #last = 0;
 
   /**
    * engine: a loaded module; make: returns a new worker whose script calls `serve`; count: of
-   * workers; patience: the least time that a worker has for an answer [ms].
+   * workers; patience: the least time that a worker has for an answer [ms]; kit: what their tasks need.
    */
-  constructor(engine, make, count, patience = PATIENCE) {
+  constructor(engine, make, count, patience = PATIENCE, kit = null) {
     this.#engine = engine;
     this.#make = make;
     this.#patience = patience;
+    this.#kit = kit;
     this.workers = Array.from({ length: count }, () => this.#started());
   }
 
@@ -318,28 +323,37 @@ export class Pool {
    * is done again.
    */
   async run(name, seeds, percentages = [], part = 64) {
-    const { size } = this.#plans.get(name), waiting = [], results = [];
-    for (let first = 0; first < seeds.length; first += part) waiting.push(first);
+    const { size } = this.#plans.get(name), parts = [];
+    for (let first = 0; first < seeds.length; first += part) parts.push(seeds.slice(first, first + part));
+    return joined(await this.#share(parts.map(
+      (own) => [{ name, seeds: own, percentages }, own.length * size])));
+  }
+
+  /** What a task gives for each of its arguments, in their order: see `serve`. */
+  each(task, all) { return this.#share(all.map((argument) => [{ task, argument }])); }
+
+  /** The answers to messages, each with the size of its work. */
+  async #share(messages) {
+    const waiting = [...messages.keys()], results = [];
     const work = async (place) => {
       for (let failed = 0; waiting.length;) {
-        const first = waiting.shift(), own = seeds.slice(first, first + part);
+        const i = waiting.shift();
         try {
           const worker = this.#worker(place);
           await worker.ready;
-          results[first / part] = await this.#ask(
-            worker, { name, seeds: own, percentages }, own.length * size);
+          results[i] = await this.#ask(worker, ...messages[i]);
           failed = 0;
         } catch (error) {
           if (!(error instanceof WorkerDied) || ++failed > AGAIN) {
             waiting.length = 0;
             throw error;
           }
-          waiting.unshift(first);
+          waiting.unshift(i);
         }
       }
     };
     await Promise.all(this.workers.map((_, place) => work(place)));
-    return joined(results);
+    return results;
   }
 
   /** The worker at a place; another one if it has ended. */
@@ -357,7 +371,7 @@ export class Pool {
     listen("message", (answer) => this.#take(own, answer));
     for (const name of ["error", "exit"])
       listen(name, (event) => this.#end(own, `a worker ended: ${event.message ?? event}`));
-    this.#prepare(own, { module: this.#engine.module });
+    this.#prepare(own, { module: this.#engine.module, kit: this.#kit });
     for (const [name, { plan }] of this.#plans) this.#prepare(own, { name, plan });
     return own;
   }

@@ -9,9 +9,10 @@ const { Explorer } = await import(pathToFileURL(script));
 const read = (file) => JSON.parse(readFileSync(file, "utf8"));
 const textOf = (array) =>
   Buffer.from(array.buffer, array.byteOffset, array.byteLength).toString("base64");
-const engine = new URL("../../wasm/engine.js", pathToFileURL(script));
+const served = ["../../wasm/engine.js", "worker.js"].map((it) => `import("${new URL(it, pathToFileURL(script))}")`);
 const worker = () => new Worker(
-  `import("${engine}").then(({ serve }) => serve(require("node:worker_threads").parentPort))`,
+  `Promise.all([${served}]).then(([{ serve }, { TASKS }]) =>
+    serve(require("node:worker_threads").parentPort, TASKS))`,
   { eval: true });
 const explorers = {
   here: await Explorer.open(read(contents)),
@@ -42,7 +43,7 @@ async function replayed(explorer, { file, given, receivers }) {
   }
 }
 
-async function answered({ settings, link, ask = [], steps = [], dives = 0, causes = 0, possible = 0, water, replay, by = "here" }) {
+async function answered({ settings, link, ask = [], steps = [], dives = 0, causes = 0, possible = 0, water, what, replay, by = "here" }) {
   const explorer = explorers[by];
   explorer.reset();
   const refused = explorer.apply(link ? Explorer.settingsOf(link) : settings ?? {});
@@ -59,7 +60,7 @@ async function answered({ settings, link, ask = [], steps = [], dives = 0, cause
   if (causes) found.causes = await explorer.causes(() => {}, causes);
   if (replay) found.replay = await replayed(explorer, replay);
   if (possible) found.possible = await explorer.possible(possible);
-  if (water) found.water = await explorer.water(water);
+  if (water) found.water = await explorer.water(water, () => {}, undefined, what);
   return found;
 }
 

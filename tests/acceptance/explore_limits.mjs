@@ -10,8 +10,8 @@ const states = (record, [instants, epochs], interval) => {
   const at = stateOf(record, instants.map(BigInt), BigInt(interval));
   return epochs.flatMap((it) => at(BigInt(it)).flat());
 };
-const functions = { ...await load("information"), states }, { Bound } = await load("bound");
-const bound = await Bound.load(Buffer.from(module, "base64"), task);
+const functions = { ...await load("information"), ...await load("lengths"), states }, { Bound } = await load("bound");
+const bound = new Bound(await WebAssembly.compile(Buffer.from(module, "base64")), task);
 const answers = cases.map(({ name, keys, arguments: given }) => {
   const own = keys ? [(key) => keys[key], ...given] : given;
   const found = name === "covariances" ? bound.covariances(...own) : functions[name](...own);

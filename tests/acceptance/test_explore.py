@@ -314,8 +314,6 @@ def test_water_is_better_near_the_beacons(told: Mapping[str, Any], tmp_path: Pat
         ({"platform.fmu": "x.fmu"}, (), (), "platform.fmu: must be left out to explore"),
         ({}, ("nobody",), (), "receiver: must be .*got 'nobody'"),
         ({}, (), (9,), "beacons: must be from 3 to 8, got 9"),
-        ({"platform.track_time_s": [0.0, 9.0], "platform.track_m": [[0.0, 0.0], [5.0, 1.0]]},
-         (), (), "track_time_s: must be left out to explore"),
     ],
 )  # fmt: skip
 def test_what_a_page_cannot_have_is_refused(
@@ -348,10 +346,8 @@ def test_a_page_has_all_keys_but_those_that_are_refused(told: Mapping[str, Any])
     known = {f"{name}.{key}" for name, table in TABLES.items() for key in table.model_fields}
     missing = known - {it["path"] for it in told["keys"]}
     assert {it.partition(".")[2] for it in missing} == {
-        *FILES, "fmi", "parameters", "track_tolerance_m", "track_count", "track_time_s", "track_m",
-        "track_heading_deg", "departure_time_s",
+        *FILES, "fmi", "parameters", "track_tolerance_m",
     }
-    assert {"target.track_m", "target.departure_time_s"}.isdisjoint(missing)
 
 
 # --- Settings ------------------------------------------------------------------------------------

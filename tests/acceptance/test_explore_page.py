@@ -591,6 +591,78 @@ def test_water_is_computed_where_one_looks_and_told_from_a_limit(
     assert shown["after"] == [None, "false", True]
 
 
+def test_water_by_what_is_possible(browsing: Callable[..., Tab]) -> None:
+    """With the same limit, legend and words; of a boat under way there is a sentence."""
+    shown = browsing(SHORT).run(f"""{HELPERS}
+      const done = async () => {{
+        await until(() => page.water.cells && page.water.cells.done === page.water.cells.n);
+        return [$("water-words").textContent, [...page.water.cells.values]];
+      }};
+      const legend = () => page.stage.state.under.legend.map((it) => it.label);
+      $("colour").click();
+      const seen = {{ label: $("water-what").labels.length, error: await done() }};
+      change($("water-what"), "possible");
+      seen.possible = await done();
+      seen.legend = legend();
+      change($("water-limit"), "2.5");
+      seen.limit = [$("water-words").textContent, legend()];
+      const {{ cells }} = page.water;
+      page.water.take({{ ...cells, values: cells.values.map((it, i) => i % 2 ? Infinity : it) }});
+      seen.none = $("water-words").textContent;
+      change(field("acoustics.range_std_m").querySelector("input[type=text]"), "2");
+      await settle();
+      seen.old = $("water-words").textContent;
+      await until(() => !page.water.isOld);
+      seen.again = await done();
+      page.explorer.set("platform.boat_speed_m_s", 0.5);
+      page.changed();
+      await until(() => $("water-words").textContent.startsWith("a boat"));
+      seen.boat = [$("water-words").textContent, page.water.cells];
+      return seen;
+    """)
+    assert shown["label"] == 1
+    assert shown["error"][0].startswith("95 % error of ekf at ")
+    words, values = shown["possible"]
+    assert words.startswith("95 % error of a perfect receiver at ")
+    assert np.mean(np.array(values) < shown["error"][1]) > 0.9
+    assert all(it.startswith("possible 95 % error ") for it in shown["legend"])
+    share = 100 * np.mean(np.array(values) <= 2.5)
+    assert shown["limit"][0].startswith(f"{share:.0f} % of the water shown is within it: 95 % ")
+    assert shown["limit"][1] == ["possible 95 % error within 2.5 m", "beyond"]
+    assert "no accuracy in 50 % of it" in shown["none"]
+    assert shown["old"].startswith("out of date")
+    assert np.mean(np.array(shown["again"][1]) > values) > 0.9
+    assert shown["boat"] == [
+        "a boat under way leaves every place, so no place has an error of its own", None]
+
+
+def test_what_is_possible_is_computed_by_workers(browsing: Callable[..., Tab]) -> None:
+    """Not by the page; work of a worker that ends is done again, with the same numbers."""
+    shown = browsing(SHORT).run(f"""{HELPERS}
+      await computed();
+      const first = await page.explorer.possible(), send = Worker.prototype.postMessage;
+      const sent = [], {{ Engine }} = modules.wasm_engine, {{ Instance }} = WebAssembly;
+      const record = Engine.prototype.record;
+      Engine.prototype.record = function (plan, seed) {{
+        if (plan.components.length > 1) throw new Error("a dive on the page");
+        return record.call(this, plan, seed); // how long the path is
+      }};
+      WebAssembly.Instance = function () {{ throw new Error("a bound on the page"); }};
+      Worker.prototype.postMessage = function (message, ...rest) {{
+        if (message.task && sent.push(message.task) === 1) this.terminate();
+        send.call(this, message, ...rest);
+      }};
+      const again = await page.explorer.possible();
+      Worker.prototype.postMessage = send;
+      Object.assign(WebAssembly, {{ Instance }});
+      Engine.prototype.record = record;
+      return {{ sent, same: JSON.stringify(first) === JSON.stringify(again), dives: again.dives }};
+    """)
+    assert shown["same"]
+    assert shown["dives"] == 8
+    assert shown["sent"] == ["possible"] * 9
+
+
 def test_labels_of_the_histogram_never_cover_each_other(browsing: Callable[..., Tab]) -> None:
     """Receivers at random, in pictures of any width."""
     shown = browsing().run("""

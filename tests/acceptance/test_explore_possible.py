@@ -27,17 +27,21 @@ from explored import (
     settings,
 )
 from quick import few
+from sblcosim.areas.motion import RADIUS, circle_of, circling
+from sblcosim.areas.possible import PossibleInCells
+from sblcosim.areas.possible import possible as of_cells
 from sblcosim.data.truth import state_at
 from sblcosim.explore.bounds import facts
 from sblcosim.explore.contents import contents
 from sblcosim.fmus.build import bound
 from sblcosim.fmus.platforms import WASM
-from sblcosim.limits import echoes, path, recursion
+from sblcosim.limits import echoes, lengths, path, recursion
 from sblcosim.limits.fisher import fisher_factor
 from sblcosim.limits.parameters import model_of
 from sblcosim.limits.run import of_run
 from sblcosim.limits.verdict import Possible
 from sblcosim.models.acoustics.ranging import legs
+from sblcosim.models.acoustics.schedules import SCHEDULES
 from sblcosim.models.receiver.bound import BOUNDS
 from sblcosim.results.result import Result
 from sblcosim.scenario.scenario import Scenario, load, shipped
@@ -289,6 +293,98 @@ def test_a_page_says_why_it_has_no_number(told: Mapping[str, Any], tmp_path: Pat
         assert in_python(answer, tmp_path, ["ekf"]).verdicts == {}
 
 
+# --- By place ------------------------------------------------------------------------------------
+
+GRID = {"north": [-30.0, 0.0, 7.5, 60.0], "east": [-11.0, 4.0, 40.0], "size": 15.0, "depth": 5.0}
+PLACES: Mapping[str, Mapping[str, Any]] = {
+    **{name: CASES[name] for name in (
+        "answers", "late ranges", "an attitude that is wrong in a sea", "mounting", "buoys",
+        "a survey", "own positions in packets", "a known start", "a drawn motion", "no bearing")},
+    "many slots": {"time.sampling_time_s": 0.1},
+    "all at once": {"acoustics.schedule": "simultaneous", "platform.mean_heading_deg": 40.0,
+                    "platform.mean_position_m": [3.0, -4.0, 0.5]},
+    "another order": {"acoustics.slot_order": [4, 2, 1, 3], "time.sampling_time_s": 1.7},
+    "nothing heard": {"acoustics.loss_probability": 1.0},
+    "differences of arrivals": {
+        "acoustics.ranging": "inverted", "acoustics.common_clock": False,
+        "acoustics.loss_probability": 0.0, "platform.arm_length_m": 0.3},
+}  # fmt: skip
+DRAWN = (
+    {"acoustics.loss_burst_length": 4.0}, {"acoustics.shadow_loss_probability": 0.5},
+    {"acoustics.ranging": "inverted"},
+)
+"""Settings with which `sblcosim map` draws losses."""
+
+
+def in_cells(scenario: Scenario) -> PossibleInCells:
+    """What `sblcosim map` finds possible in the cells of the grid."""
+    circle = circle_of(scenario, RADIUS, scenario.target.speed_m_s or 0.3, 60.0)
+    centres = np.array([[n, e, GRID["depth"]] for n in GRID["north"] for e in GRID["east"]])
+    cells = SimpleNamespace(count=len(centres), centres=centres)
+    moving = circling(scenario, circle, GRID["depth"], 60.0)
+    return of_cells(moving, cells, circle, "absolute_total", (20.0, 60.0))
+
+
+def same_places(answer: Mapping[str, Any], file: Path) -> PossibleInCells:
+    assert answer["refused"] is None
+    file.write_text(answer["toml"])
+    expected, water = in_cells(load(file)), answer["water"]
+    found = [np.inf if it == "inf" else it for it in water["values"]]
+    np.testing.assert_allclose(
+        found, np.where(expected.accuracy, expected.percentile, np.inf), rtol=1e-11)
+    assert [water["done"], water["n"]] == [len(found)] * 2
+    return expected
+
+
+def test_water_is_coloured_by_what_a_map_finds_possible(
+    told: Mapping[str, Any], tmp_path: Path
+) -> None:
+    """The same from workers, whatever else they do."""
+    given = [{"time.duration_s": 60.0, **it} for it in ({}, *PLACES.values())]
+    jobs = [{"settings": {"given": it, "receivers": ["coupled"]}, "ask": ["toml"],
+             "water": GRID, "what": "possible", "by": by}
+            for it in given for by in ("here", "workers")]
+    found = answers(told, jobs, tmp_path)
+    values, rings = {}, 0
+    for name, here, workers in zip(("plain", *PLACES), found[::2], found[1::2], strict=True):
+        expected = same_places(here, tmp_path / "s.toml")
+        assert here["water"] == workers["water"]
+        values[name] = str(here["water"]["values"])
+        rings += np.count_nonzero(~expected.accuracy)
+        assert ("where the beacons are mounted" in here["water"]["words"]) == (
+            name == "mounting"), name
+    assert rings > 0
+    # Errors that are left out change nothing, nor does the motion that a circle replaces.
+    others = {name: it for name, it in values.items()
+              if name not in ("plain", "mounting", "a drawn motion")}
+    assert len({values["plain"], *others.values()}) == len(others) + 1
+
+
+@pytest.mark.parametrize("name", ["gps-buoys", "harbour-lbl", "paper-scenario-1"])
+def test_water_of_other_scenarios(name: str, tmp_path: Path) -> None:
+    """And with echoes, which a page can only have if its scenario has them."""
+    given = {"acoustics.surface_echo_probability": 0.6, "acoustics.loss_probability": 0.4,
+             "acoustics.loss_burst_length": 0.0}
+    for own in ({}, given):
+        job = {"ask": ["toml"], "water": GRID, "what": "possible"}
+        (answer,) = answers(contents(load(name, own), lanes=(2,)), [job], tmp_path)
+        same_places(answer, tmp_path / "s.toml")
+
+
+def test_water_has_no_colours_where_a_map_is_refused_or_draws(
+    told: Mapping[str, Any], tmp_path: Path
+) -> None:
+    boat = {"platform.boat_speed_m_s": 1.0}
+    jobs = [{"settings": {"given": it}, "water": GRID, "what": what}
+            for it in (boat, *DRAWN) for what in ("possible", "error")]
+    sails, too, *rest = (it["water"] for it in answers(told, jobs, tmp_path))
+    assert sails == too == {
+        "why": "a boat under way leaves every place, so no place has an error of its own"}
+    for possible, error in zip(rest[::2], rest[1::2], strict=True):
+        assert possible["why"].startswith("only known to 'sblcosim map' where losses come in")
+        assert len(error["values"]) == 12
+
+
 # --- Its parts -----------------------------------------------------------------------------------
 
 
@@ -409,3 +505,27 @@ def test_the_activity_of_a_path(tmp_path: Path) -> None:
         expected.append(path.path_psd(time, velocity, density))
     assert len({*expected}) > 4
     np.testing.assert_allclose(in_node(cases, tmp_path), expected, rtol=EQUAL)
+
+
+def test_lengths_that_hold_most_errors(tmp_path: Path) -> None:
+    """Of mixtures of covariances, round and flat ones, large and small."""
+    draw, cases, expected = np.random.default_rng(9), [], []
+    for number in range(60):
+        own = []
+        for _ in range(1 + number % 8):
+            turn = np.linalg.qr(draw.normal(size=(3, 3)))[0]
+            own.append(turn @ np.diag(10.0 ** draw.uniform(-6 * (number % 3), 3, 3)) @ turn.T)
+        some = np.array(own) if number else np.zeros((1, 3, 3))
+        cases.append({"name": "within", "arguments": [some.reshape(-1, 9).tolist()]})
+        expected.append(lengths.percentile(some[:, None])[0])
+    np.testing.assert_allclose(in_node(cases, tmp_path), expected, rtol=1e-11)
+
+
+def test_schedules_are_the_same_in_each_round() -> None:
+    """A page has the places of one round."""
+    for name, schedule in SCHEDULES.items():
+        for count, own in facts()["schedules"][name].items():
+            n, slots = int(count), np.arange(100)
+            assert own["together"] == schedule.together(n)
+            places = np.broadcast_to(schedule.place(slots), slots.shape) % n
+            assert places.tolist() == [own["first"][slot % n] for slot in slots]

@@ -1,6 +1,7 @@
 // Contradictions between keys, in the words of a scenario file: the rules of
 // `orchestrator/scenario/` (scenario, arrangement, packets, channel, tracks and wiring).
 
+import { isOnTrack } from "./boat.js";
 import {
   finest, isUnknownWater, leastBits, packetOf, profileSpeeds, slotOf, updateInterval,
 } from "./filling.js";
@@ -208,23 +209,34 @@ function* path({ data, of, has }) {
     const asMany = has("target.waypoint_count") ? `, and as many as waypoint_count (${count})` : "";
     yield about("target.waypoint_m", `must have at least 2 rows${asMany}, got ${Math.floor(points)}`);
   }
-  if (trajectory !== "file") return;
-  const times = of("target.track_time_s"), rows = Math.floor(of("target.track_m").length / 3);
-  const kept = of("target.track_count");
+  yield* trackPoints(data, of, "target", trajectory === "file", "trajectory is 'file'", 3);
+  yield* trackPoints(data, of, "platform", isOnTrack(of) || of("platform.track_time_s")?.length,
+    "there is a track", 2);
+}
+
+// The points of a recorded track, of the diver or of the boat.
+function* trackPoints({ rules }, of, table, follows, when, width) {
+  if (!follows) return;
+  const own = (key) => of(`${table}.${key}`), most = rules.track_points[table];
+  const times = own("track_time_s"), rows = Math.floor(own("track_m").length / width);
+  const kept = own("track_count"), headings = own("track_heading_deg")?.length ?? 0;
   const late = times.findIndex((it, i) => i && !(it > times[i - 1]));
   if (times.length < 2)
-    yield about("target.track_file", "must be the file of a track (or track_time_s and track_m its " +
-      "points) when trajectory is 'file', got none");
+    yield about(`${table}.track_file`, "must be the file of a track (or track_time_s and track_m its " +
+      `points) when ${when}, got ${times.length ? "one point" : "none"}`);
   else if (rows !== times.length)
-    yield about("target.track_m", `must have a row for each of ${times.length} times, got ${rows}`);
+    yield about(`${table}.track_m`, `must have a row for each of ${times.length} times, got ${rows}`);
+  else if (headings && headings !== rows)
+    yield about(`${table}.track_heading_deg`, `must have one for each of ${rows} times, got ${headings}`);
   else if (!(kept >= 2 && kept <= rows))
-    yield about("target.track_count", `must be from 2 to ${rows}, got ${kept}`);
+    yield about(`${table}.track_count`, `must be from 2 to ${rows}, got ${kept}`);
   else if (late > 0)
-    yield ["target.track_time_s", `[target] track_time_s[${late + 1}]: must be later than the ` +
+    yield [`${table}.track_time_s`, `[${table}] track_time_s[${late + 1}]: must be later than the ` +
       `previous point (${written(times[late - 1])}), got ${written(times[late])}`];
-  else if (times.length > data.rules.track_points)
-    yield about("target.track_time_s", `must have at most ${data.rules.track_points} points in this page, ` +
-      `got ${times.length}`);
+  else if (!most)
+    yield about(`${table}.track_time_s`, "must be left out in this page, as its scenario has no boat on a track");
+  else if (times.length > most)
+    yield about(`${table}.track_time_s`, `must have at most ${most} points in this page, got ${times.length}`);
 }
 
 function* place({ of }) {

@@ -2,8 +2,7 @@
 //
 // const explorer = await Explorer.open(contents, makeWorker);
 //   contents      parsed JSON of the page (`orchestrator/explore/contents.py`)
-//   makeWorker    () => a Worker whose script calls serve(self) of `orchestrator/wasm/engine.js`;
-//                 null: everything runs here
+//   makeWorker    () => a Worker whose script is `served.js`; null: everything runs here
 //   workers       third argument, optional: how many; default: all cores but one
 //
 // Names and keys
@@ -28,6 +27,10 @@
 //   counts                     numbers of beacons that this page has modules for; those other than
 //                              the scenario's are being loaded until the promise `loaded` is kept
 //   pathPoints, setPath([[north, east, depth], …], speed)    speed [m/s] is optional
+//   mostPoints                 of the boat's track in this page; 0: it cannot follow one
+//   track, setTrack([[time, north, east, heading], …])    of the boat [s, m, °]; none: it has none.
+//                              The heading may be left out in all rows
+//   isUnderWay                 whether the boat moves along a course or a track
 //   seed, setSeed(seed)
 //   types, receivers, setReceivers(["coupled", "ekf", "raw"])
 //   toml(), command()          scenario file and command line with the same numbers to the bit
@@ -46,19 +49,22 @@
 //   possible(count)            async, what was possible in the first dives; { dives, receivers: { label:
 //                              { kind, accuracy, absolute, relative [m], with [m], leftOut: { words: m },
 //                              … } } }; without receivers and with a sentence `why` if there is none
-//   water(grid, onPart, wanted) async, of the first receiver; 95 % error by place:
-//                              { north, east, size, depth, values, n, done }, or { why } if there is
-//                              none; null as soon as `wanted()` no longer says true
+//   water(grid, onPart, wanted, what) async, of the first receiver, by place: the 95 % error or, for
+//                              what = "possible", that of a perfect receiver: { north, east, size,
+//                              depth, values, n, done, words }, or { why } if there is none; null as
+//                              soon as `wanted()` no longer says true. Values [m] are Infinity where
+//                              nothing is possible; words: of errors that are left out and matter
 //   cancel()                   stop what workers do
 
 import { Engine, Pool } from "../../wasm/engine.js";
+import { drawsLosses } from "./area.js";
+import { isOnTrack, isUnderWay } from "./boat.js";
 import { problemsOf, problemsOfTimes } from "./checks.js";
 import { beaconsOf, filled } from "./filling.js";
-import { brief, nanoseconds, textOf, written } from "./numbers.js";
-import { Bound } from "./bound.js";
+import { brief, nanoseconds, settled, textOf, written } from "./numbers.js";
 import { causesOf, hasEffect, switchesOf } from "./limits.js";
-import { waterOf } from "./places.js";
-import { conditionsOf, isNeeded, possibleOf, togetherOf } from "./possible.js";
+import { possibleWaterOf, waterOf } from "./places.js";
+import { isNeeded, togetherOf } from "./possible.js";
 import { assembled, countOf, stopOf } from "./plans.js";
 import { isDrawn, runOf } from "./record.js";
 import { replayed } from "./recorded.js";
@@ -66,6 +72,7 @@ import { Settings } from "./start_values.js";
 import { PERCENTAGES, lengthsOf, summaryOf } from "./statistics.js";
 import { unpacked } from "./unpacked.js";
 import { Refusal, fileOf, valueOf } from "./values.js";
+import { TASKS } from "./worker.js";
 
 const CORE = ["target", "platform", "acoustics"], RAW = "raw", FIX = "multilateration";
 const SEED = { path: "seed", table: "", key: "seed", kind: "integer" };
@@ -76,7 +83,7 @@ const POSSIBLE = 8, MOST_POSSIBLE = 20_000; // dives of which is said what was p
 const PART = 32; // dives that a worker does before it shows them
 
 export class Explorer {
-  #data; #plain = false; #bound; #given; #loaded; #receivers; #loadedReceivers; #seed; #state;
+  #data; #plain = false; #kit; #given; #loaded; #receivers; #loadedReceivers; #seed; #state;
   #pending = new Map();
   #settings = new Map(); // by number of beacons
   #engines = new Map();
@@ -87,7 +94,8 @@ export class Explorer {
     const explorer = new Explorer(contents, makeWorker, workers);
     const own = beaconsOf(contents, explorer.#given);
     await explorer.#ready(own);
-    explorer.#bound = await Bound.load(await unpacked(contents.modules.bound), contents.bound.task);
+    const { bound: facts, sources, rules: { legs }, modules } = contents;
+    explorer.#kit = { module: await WebAssembly.compile(await unpacked(modules.bound)), facts, sources, legs };
     explorer.loaded = Promise.all(explorer.counts.map((it) => explorer.#ready(it)));
     const problem = explorer.#try(explorer.#given, explorer.#receivers, explorer.#seed);
     if (problem.length) throw new Error(problem.map((it) => it.message).join("\n"));
@@ -155,6 +163,17 @@ export class Explorer {
     return rowsOf(this.value("target.waypoint_m"), 3).slice(0, this.value("target.waypoint_count"));
   }
 
+  get mostPoints() { return this.#data.rules.track_points.platform; }
+  get isUnderWay() { return isUnderWay((path) => this.#state.values.get(path)); }
+
+  /** Points of the boat's track: time, north, east and heading [s, m, °]; empty if it has none. */
+  get track() {
+    const of = (key) => this.#state.values.get(`platform.${key}`), headings = of("track_heading_deg");
+    if (!isOnTrack((path) => this.#state.values.get(path))) return [];
+    return rowsOf(of("track_m"), 2).slice(0, of("track_count")).map((it, i) =>
+      [of("track_time_s")[i], ...it, ...(headings.length ? [headings[i]] : [])]);
+  }
+
   problems() {
     return [...this.#pending].flatMap(([path, it]) => it.message ? [{ path, message: it.message }] : []);
   }
@@ -194,6 +213,17 @@ export class Explorer {
     ]);
     if (speed !== undefined) changes.set("target.speed_m_s", speed);
     return this.#changeAll(changes);
+  }
+
+  setTrack(rows) {
+    const points = rows.map(([time, ...it]) => [settled(time), ...it.map(toMillimetres)]);
+    const found = rows.length ? {
+      track_time_s: points.map(([time]) => time), track_m: points.map(([, north, east]) => [north, east]),
+      track_heading_deg: rows.every((it) => it.length > 3) ? points.map((it) => it[3]) : null,
+      boat_speed_m_s: null, boat_course_deg: null,
+    } : { track_time_s: null, track_m: null, track_heading_deg: null };
+    return this.#changeAll(new Map(Object.entries({ ...found, track_count: null }).map(
+      ([key, value]) => [`platform.${key}`, value])));
   }
 
   // Changes of keys, with those that wait for others; null unsets a key.
@@ -345,7 +375,6 @@ export class Explorer {
   get #numbers() {
     const of = (path, name) => this.byPath.get(path).numbers[name];
     return Object.assign(of, {
-      has: (path) => this.byPath.has(path),
       columns: (path) => this.byPath.get(path).columns ?? 1,
       start: (path) => this.byPath.get(path).default,
     });
@@ -482,6 +511,7 @@ export class Explorer {
     return runOf({
       record: values, instants: plan.instants, interval: times.interval.target, beacons,
       looks: this.#looks, arms: this.#hasArms(values["platform.beacon_position"], beacons),
+      sails: this.isUnderWay,
     });
   }
 
@@ -553,7 +583,7 @@ export class Explorer {
   async #pool(beacons) {
     if (!this.#makeWorker) return null;
     if (!this.#pools.has(beacons))
-      this.#pools.set(beacons, new Pool(this.#engines.get(beacons), this.#makeWorker, this.#workers));
+      this.#pools.set(beacons, new Pool(this.#engines.get(beacons), this.#makeWorker, this.#workers, undefined, this.#kit));
     return this.#pools.get(beacons);
   }
 
@@ -565,14 +595,22 @@ export class Explorer {
     return causesOf(this.#laboratory(), this.switches, count, onPart);
   }
 
-  /** 95 % error of the first receiver by place, as of `sblcosim map`; see the head of this file. */
-  async water(grid, onPart = () => {}, wanted) { return waterOf(this.#laboratory(), grid, onPart, wanted); }
+  /** 95 % errors by place, as of `sblcosim map`; see the head of this file. */
+  async water(grid, onPart = () => {}, wanted = undefined, what = "error") {
+    return (what === "possible" ? possibleWaterOf : waterOf)(this.#laboratory(), grid, onPart, wanted);
+  }
 
   // What dives of the first receiver need, as long as the state holds.
   #laboratory() {
     const state = this.#state, [{ label }] = state.chosen, { lengths } = this.#engines.get(state.beacons);
     return {
-      state, label, holds: () => state === this.#state,
+      state, label, holds: () => state === this.#state, isUnderWay: this.isUnderWay,
+      drawsLosses: drawsLosses((path) => state.values.get(path), this.#kit.facts),
+      conditions: (changes) => {
+        const own = this.#variant(state, changes, state.chosen.slice(0, 1));
+        return own && this.#conditions(own);
+      },
+      each: (task, all) => this.#each(state, task, all),
       plan: (changes, options) => {
         const own = this.#variant(state, changes, state.chosen.slice(0, 1));
         return own && this.#plan(own, options);
@@ -608,36 +646,39 @@ export class Explorer {
 
   /** What was possible in the first dives, as of `sblcosim run`; see the head of this file. */
   async possible(count = POSSIBLE) {
-    const state = this.#state, conditions = this.#conditions(state), found = [];
-    const pause = () => new Promise((done) => setTimeout(done)); // the page goes on meanwhile
-    for (let i = 0; i < count; i++) {
-      await pause();
-      if (state !== this.#state) return null;
-      const { plan: { instants, receivers: labels }, values: record } = this.record(state.seed + i, isNeeded);
-      await pause();
-      if (state !== this.#state) return null;
-      found.push(possibleOf(conditions, { record, instants, labels }));
-      if (found[0].why) return found[0];
-      count = Math.min(count, Math.ceil(MOST_POSSIBLE / instants.length));
-    }
-    return togetherOf(found, conditions.facts);
+    const state = this.#state, told = this.#conditions(state), { facts } = this.#kit;
+    const plan = (seed) => this.#plan(state, { record: isNeeded, seed });
+    const first = plan(state.seed), most = Math.min(count, Math.ceil(MOST_POSSIBLE / first.instants.length));
+    const found = await this.#each(state, "possible", Array.from({ length: most }, (_, i) =>
+      ({ plan: { ...(i ? plan(state.seed + i) : first) }, seed: state.seed + i, told })));
+    if (!found || found[0].why) return found && found[0];
+    return togetherOf(found, facts);
   }
 
-  // What is needed to know what was possible in a dive: see `possible.js`.
+  // What workers give for each argument of a task, see `worker.js`; null if the state no longer holds.
+  async #each(state, task, all) {
+    const pool = await this.#pool(state.beacons), held = { engine: this.#engines.get(state.beacons), kit: this.#kit };
+    if (state !== this.#state) return null;
+    const found = pool ? await pool.each(task, all) : all.map((it) => TASKS[task](held, it));
+    return state === this.#state ? found : null;
+  }
+
+  // What is needed to know what is possible, as a message can hold it: see `worker.js`.
   #conditions({ values, given, beacons, told, chosen: [{ type }], times: { interval } }) {
-    const { bound: facts, rules, sources } = this.#data, known = rules.receiver_keys[type];
+    const { rules } = this.#data, { facts } = this.#kit, known = rules.receiver_keys[type];
     const has = (path) => !path.startsWith("receiver.") || known.includes(this.byPath.get(path).key);
-    const of = (path) => has(path) ? values.get(path) : undefined;
+    const of = (path) => has(path) ? values.get(path) : undefined, settings = this.#settings.get(beacons);
     const own = new Map([...given].filter(([path]) =>
       has(path) && (path === SOURCE || !path.startsWith("receiver."))));
-    return conditionsOf({
-      bound: this.#bound, facts, legs: rules.legs, sources, of, beacons, interval: interval.target,
-      starts: this.#settings.get(beacons).computed(values, own, this.#numbers),
-      hasEffect: (path) => hasEffect({ byPath: this.byPath }, values, path),
+    const starts = settings.computed(values, own, this.#numbers);
+    return {
+      values: new Map([...values].filter(([path]) => has(path))), beacons, interval: interval.target,
+      starts: Object.fromEntries(Object.keys(settings.values).map((it) => [it, starts(it)])),
+      effects: new Set(facts.unmodelled.filter((path) => hasEffect({ byPath: this.byPath }, values, path))),
       knownStart: told || of("receiver.initialisation") === "prior",
       ownBeacon: rules.contents[of("acoustics.packet_content")].only_own
         || (type === "coupled" && of(SOURCE) === "own_beacon"),
-    });
+    };
   }
 
   /** Stop: results of what runs now are never delivered. */

@@ -30,7 +30,10 @@ export function filled(data, given, seed) {
   if (times?.length) values.set("target.track_count", times.length);
   values.set("platform.beacons", beacons);
   if (own("platform", "beacon_m")) values.set("platform.arrangement", "given");
-  if (own("platform", "boat_speed_m_s") && own("platform", "boat_course_deg"))
+  const passed = own("platform", "track_time_s");
+  if (passed?.length) values.set("platform.track_count", passed.length);
+  const isOnTrack = (own("platform", "track_count") ?? values.get("platform.track_count")) > 0;
+  if (!isOnTrack && own("platform", "boat_speed_m_s") && own("platform", "boat_course_deg"))
     values.set("platform.mean_heading_deg", own("platform", "boat_course_deg"));
   put("acoustics", resolutions(data, given, beacons));
   put("acoustics", waterOf(data, given));

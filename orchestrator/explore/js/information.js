@@ -90,14 +90,16 @@ export function echoChances(of) {
 
 const lostDirectly = (of, shade) => of("loss_probability") + (1 - of("loss_probability")) * shade;
 
+/** Share of the pings that give no range, if the diver's body takes a share of the packets. */
+export function lostIn(of, legs, shade) {
+  const [surface, bottom] = echoChances(of), share = lostDirectly(of, shade) * ((1 - surface) * (1 - bottom));
+  return legs === 1 ? share : 1 - (1 - share) ** 2;
+}
+
 /** Share of the pings that give no range, over all courses of a diver in the beacons' depth. */
 export function lost(of, legs) {
-  const [surface, bottom] = echoChances(of);
   let sum = 0;
-  for (let i = 0; i < COURSES; i++) {
-    const share = lostDirectly(of, chance(of, (i + 0.5) / COURSES * Math.PI)) * ((1 - surface) * (1 - bottom));
-    sum += legs === 1 ? share : 1 - (1 - share) ** 2;
-  }
+  for (let i = 0; i < COURSES; i++) sum += lostIn(of, legs, chance(of, (i + 0.5) / COURSES * Math.PI));
   return sum / COURSES;
 }
 
@@ -120,7 +122,8 @@ export function sharesAlong(of, legs, noise, positions, velocities, beacons) {
   return found;
 }
 
-function shareOf(of, legs, noise, diver, velocity, beacon) {
+/** The same at one place, for one beacon. */
+export function shareOf(of, legs, noise, diver, velocity, beacon) {
   const chances = echoChances(of);
   if (!chances.some((it) => it) || noise <= 0) return 1;
   const square = (diver[0] - beacon[0]) ** 2 + (diver[1] - beacon[1]) ** 2;

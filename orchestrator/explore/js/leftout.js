@@ -1,5 +1,7 @@
 // Errors that a bound does not include, and how large they are: `orchestrator/limits/unknown.py`.
 
+import { wayOf } from "./boat.js";
+
 const SINGULAR = 1e-12, MOST_CONDITION = 1e12;
 const PLATFORM = "platform.";
 const radians = (degrees) => degrees / 180 * Math.PI;
@@ -30,15 +32,19 @@ export function leftOut({ facts, sources, of, hasEffect, ownErrors, arms, starts
   return { keys, errors };
 }
 
-// Where divers were beside a boat, had it stayed where it was.
+// Where divers were beside a boat, had it stayed where it was and kept its heading.
 function beside(of, positions, since) {
-  const course = radians(of("platform.boat_course_deg")), speed = of("platform.boat_speed_m_s");
-  const way = [speed * Math.cos(course), speed * Math.sin(course), 0];
-  return positions.map((it, i) => it.map((x, axis) => x - since[i] * way[axis]));
+  const wayAt = wayOf(of), [north, east] = of("platform.mean_position_m");
+  return positions.map(([x, y, z], i) => {
+    const [n, e, turned] = wayAt(since[i]), c = Math.cos(turned), s = Math.sin(turned);
+    if (!turned) return [x - n, y - e, z];
+    const [ahead, right] = [x - north - n, y - east - e];
+    return [north + c * ahead + s * right, east + c * right - s * ahead, z];
+  });
 }
 
-// From body to NED, the arms, and the beacons in still water, NED [m].
-function placed(of, arms) {
+/** From body to NED, the arms, and the beacons in still water, NED [m]. */
+export function placed(of, arms) {
   const heading = radians(of("platform.mean_heading_deg")), c = Math.cos(heading), s = Math.sin(heading);
   const turn = ([x, y, z]) => [c * x - s * y, s * x + c * y, z], mean = of("platform.mean_position_m");
   return { turn, arms, beacons: arms.map((it) => turn(it).map((x, i) => x + mean[i])) };

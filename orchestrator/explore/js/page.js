@@ -17,6 +17,7 @@ import { length } from "./phrases.js";
 import { showReach } from "./reach.js";
 import { ReceiverChoice } from "./receivers.js";
 import { SettingsList } from "./settings.js";
+import { TrackEditor } from "./track.js";
 import { Changes } from "./changes.js";
 import { Comparison } from "./compared.js";
 import { showBuy, showVerdict, tell } from "./verdict.js";
@@ -36,6 +37,7 @@ class Page {
     this.comparison = new Comparison(this);
     this.beacons = new BeaconEditor(this);
     this.path = new PathEditor(this);
+    this.track = new TrackEditor(this);
     this.water = new Water(this);
     this.list = new SettingsList(this);
     this.log = new DiveView(this);
@@ -152,7 +154,7 @@ class Page {
       field.show();
       field.element.hidden = !isShown(this, field);
     }
-    for (const part of [this.receivers, this.comparison, this.beacons, this.path, this.list]) part.show();
+    for (const part of [this.receivers, this.comparison, this.beacons, this.path, this.track, this.list]) part.show();
     $("reset-all").hidden = !explorer.link();
     if ($("seed-problem").hidden) $("seed").value = explorer.seed;
     put($("command"), explorer.command());

@@ -48,7 +48,7 @@ export class PathEditor {
     place.addEventListener("dragleave", over(false));
     place.addEventListener("drop", (event) => {
       over(false)(event);
-      this.open(event.dataTransfer.files[0]);
+      this.page.track.drop(event.dataTransfer.files[0]);
     });
   }
 

@@ -1,10 +1,15 @@
-// Errors by place: dives that circle in the cells of an area, as those of `sblcosim map`.
+// Errors by place: dives that circle in the cells of an area, and what is possible there, as those of
+// `sblcosim map`.
 
 const RADIUS = 3, DURATION = 60, MOST_TURNS = 1000, REACH = 2, SHARE = 0.95;
 const NOISE = ["depth_std_m", "depth_bias_m", "depth_bias_std_m", "sampling_time_s", "seed", "stream",
   "interval_s"];
 const SETTLING = 20_000_000_000n; // errors count from here [ns]
 const RUNS = 10; // dives in each cell
+const CHUNK = 32; // cells that a worker computes before it shows them
+const SAILS = "a boat under way leaves every place, so no place has an error of its own";
+const RANDOM = "only known to 'sblcosim map' where losses come in bursts, from a shadow or to arrivals of one ping";
+const NOWHERE = "no dive can circle in these cells with these settings";
 
 /**
  * Errors in the cells of a grid; lab: see `explorer.js`. Null if the state no longer holds, or the
@@ -13,7 +18,8 @@ const RUNS = 10; // dives in each cell
 export async function waterOf(lab, grid, onPart, wanted = () => true) {
   const { north, east, depth } = grid, places = north.flatMap((n) => east.map((e) => [n, e]));
   const changes = circling(lab.state, depth), cells = places.map(() => []);
-  if (!lab.plan(changes)) return lab.holds() ? { why: "no dive can circle in these cells with these settings" } : null;
+  if (lab.isUnderWay) return { why: SAILS };
+  if (!lab.plan(changes)) return lab.holds() ? { why: NOWHERE } : null;
   const result = (done) => ({
     ...grid, n: places.length, done, values: withinOf(cells, north.length, east.length),
   });
@@ -29,6 +35,35 @@ export async function waterOf(lab, grid, onPart, wanted = () => true) {
     if (found.some(([, lengths]) => !lengths) || !lab.holds() || !wanted()) return null;
     for (const [cell, lengths] of found) cells[cell] = lengths.flatMap((it) => [...it]);
     if (first + width < order.length && first % (4 * width) === 0) onPart(result(first + width));
+  }
+  return result(places.length);
+}
+
+/** The same of what is possible: lengths that hold 95 % of the errors of a perfect receiver. */
+export async function possibleWaterOf(lab, grid, onPart, wanted = () => true) {
+  const { north, east, depth } = grid, places = north.flatMap((n) => east.map((e) => [n, e, depth]));
+  const changes = circling(lab.state, depth), values = new Float64Array(places.length).fill(NaN);
+  if (lab.isUnderWay) return { why: SAILS };
+  const told = lab.conditions(changes), words = new Set();
+  if (!told) return lab.holds() ? { why: NOWHERE } : null;
+  if (lab.drawsLosses) return { why: RANDOM };
+  const circle = { radius: RADIUS, speed: changes["target.speed_m_s"] }, span = [Number(SETTLING) / 1e9, DURATION];
+  const result = (done) => ({ ...grid, n: places.length, done, values: values.slice(), words: [...words] });
+  const order = shuffled(places.length), width = CHUNK * await lab.width();
+  for (let first = 0; first < order.length; first += width) {
+    const own = order.slice(first, first + width), parts = [];
+    for (let i = 0; i < own.length; i += CHUNK) parts.push(own.slice(i, i + CHUNK));
+    const found = await lab.each("places", parts.map((part) =>
+      ({ told, circle, span, places: part.map((cell) => places[cell]) })));
+    if (!found || !lab.holds() || !wanted()) return null;
+    parts.forEach((part, i) => {
+      part.forEach((cell, k) => {
+        const { within, accuracy } = found[i].places[k];
+        values[cell] = accuracy ? within : Infinity;
+      });
+      for (const it of found[i].words) words.add(it);
+    });
+    if (first + width < order.length) onPart(result(first + width));
   }
   return result(places.length);
 }

@@ -1,5 +1,6 @@
 // What was possible in a dive: `orchestrator/limits/` (run, parameters, verdict).
 
+import { isUnderWay } from "./boat.js";
 import { echoChances, fisherFactor, lost, pathPsd, sharesAlong } from "./information.js";
 import { leftOut } from "./leftout.js";
 import { epochOf, epochsOf, stateOf } from "./record.js";
@@ -104,8 +105,8 @@ export function togetherOf(each, facts) {
   return { dives: each.length, each: each.map((it) => it.receivers), receivers };
 }
 
-// The errors that are left out, by words [m], if they matter: `matter` of `limits/unknown.py`.
-function mattering(possible, squares, least) {
+/** The errors that are left out, by words [m], if they matter: `matter` of `limits/unknown.py`. */
+export function mattering(possible, squares, least) {
   const known = squares.filter(({ square }) => Number.isNaN(square) || square > 0);
   const total = known.reduce((sum, { square }) => sum + (square || 0), 0);
   const isUnknown = known.some(({ square }) => Number.isNaN(square));
@@ -129,7 +130,7 @@ function median(values) {
 function hasOwnErrors(of, { motions, sensors }) {
   const any = (keys) => keys.some((key) => [of(`platform.${key}`) ?? 0].flat().some((it) => it));
   if (!of("platform.gps_shared")) return true;
-  const moves = of("platform.boat_speed_m_s") > 0 || any(motions[of("platform.motion")]);
+  const moves = isUnderWay(of) || any(motions[of("platform.motion")]);
   return of("platform.mounting_std_m") > 0 && !moves && !any(sensors);
 }
 
@@ -158,20 +159,26 @@ function modelOf(conditions, { number, receiver, parameters, start }, { range, c
   return { number, values };
 }
 
-// Density of the acceleration of the path that the diver follows [m²/s³].
-function psdOf({ acoustics, starts, arms, legs, fixes, interval }, { record, instants }) {
+/** Variance of a fix across the line to the platform, by the square of the distance, times the time between fixes [s]. */
+export function fixDensity({ acoustics, starts, arms, legs, fixes }) {
   const missed = lost(acoustics, legs);
-  if (!(missed < 1)) return 0;
   const mean = [0, 1].map((axis) => arms.reduce((sum, it) => sum + it[axis], 0) / arms.length);
   const spread = arms.reduce((sum, it) => sum + (it[0] - mean[0]) ** 2 + (it[1] - mean[1]) ** 2, 0) / 2;
-  const round = starts("levels.slots")[0] * acoustics("sampling_time_s") / (1 - missed);
+  const round = missed < 1 ? starts("levels.slots")[0] * acoustics("sampling_time_s") / (1 - missed) : Infinity;
+  return fixes.range ** 2 / Math.max(spread, 1e-12) * round;
+}
+
+// Density of the acceleration of the path that the diver follows [m²/s³].
+function psdOf(conditions, { record, instants }) {
+  const density = fixDensity(conditions), { interval } = conditions;
+  if (!(density < Infinity)) return 0;
   const [diver, platform] = [record["target.position"], record["platform.position"]];
   const square = diver.reduce((sum, it, i) => sum + (it - platform[i]) ** 2, 0) / instants.length;
   const own = Array.from(instants.keys()).filter((i) => instants[i] % interval === 0n);
   const velocity = record["target.velocity"];
   return pathPsd(Float64Array.from(own, (i) => Number(instants[i]) / 1e9),
     [0, 1].map((axis) => Float64Array.from(own, (i) => velocity[3 * i + axis])),
-    fixes.range ** 2 * square / Math.max(spread, 1e-12) * round);
+    density * square);
 }
 
 // --- What was measured, and where ----------------------------------------------------------------
@@ -221,8 +228,8 @@ function along({ interval, beacons: count, arms, ownErrors }, { record, instants
 
 // --- What it means -------------------------------------------------------------------------------
 
-// At each epoch: the bearing's standard deviation [rad], and whether the posterior is no point.
-function judgedOf({ relative: P }, positions, platform, { facts, timed, ownErrors }) {
+/** At each epoch: the bearing's standard deviation [rad], and whether the posterior is no point. */
+export function judgedOf({ relative: P }, positions, platform, { facts, timed, ownErrors }) {
   const { most_bearing, most_distance } = facts;
   return positions.map((it, n) => {
     const o = [0, 1].map((i) => it[i] - platform[3 * n + i]), reach = Math.hypot(...o);

@@ -16,16 +16,17 @@ export const isDrawn = (name) => DRAWN.test(name);
  * The Run of a record.
  *
  * record: values of outputs by name; instants: their times [ns]; interval: of the target [ns];
- * beacons: number of beacons; looks: `label`, `fix`, `colour` and `dash` of each receiver.
+ * beacons: number of beacons; looks: `label`, `fix`, `colour` and `dash` of each receiver; arms: whether
+ * the beacons are on a platform; sails: whether it is a boat under way.
  */
-export function runOf({ record, instants, interval, beacons, looks, arms }) {
+export function runOf({ record, instants, interval, beacons, looks, arms, sails }) {
   const time = Float64Array.from(instants, (t) => Number(t) / 1e9);
   const state = stateOf(record, instants, interval), truth = (epoch) => state(epoch)[0];
   const known = record["platform.beacon_position"], said = record["platform.reported_beacon_position"];
   const each = (values) => Array.from({ length: beacons },
     (_, i) => trackOf(values, time.length, 3 * beacons, 3 * i));
   return {
-    start: time[0], stop: time[time.length - 1], axes: ["North", "East"], arms, time,
+    start: time[0], stop: time[time.length - 1], axes: ["North", "East"], arms, sails, time,
     diver: trackOf(record["target.position"], time.length, 3, 0),
     beacons: each(known), reported: known.every((it, i) => it === said[i]) ? [] : each(said),
     receivers: looks.map((look) => ({ ...look, ...estimatesOf(record, instants, look.label, truth) })),

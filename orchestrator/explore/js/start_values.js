@@ -1,5 +1,9 @@
 // From the keys of a scenario to the start values of its components, with the settings module.
 
+import { ratesOf } from "./boat.js";
+
+const HEADINGS = "platform.track_heading"; // the module has room for one: see `docs/reference/start-values.md`
+
 /** The settings module for a number of beacons. */
 export class Settings {
   // bytes: of the module; described: `orchestrator/scenario/settings.py` says what it has.
@@ -27,18 +31,21 @@ export class Settings {
    * values, given: of the keys, by path; numberOf: number of a name of a key.
    */
   computed(values, given, numberOf) {
+    const moving = ratesOf((path) => values.get(path));
     const inputs = this.keys.map((name) => {
+      if (name in moving) return moving[name];
       const [path, rest] = name.split("[");
-      if (!numberOf.has(path)) return 0; // of a boat's track, which pages do not have
       if (this.optional.has(path) && !given.has(path)) return NaN;
       const value = values.has(path) ? values.get(path) : numberOf.start(path);
-      const element = rest === undefined ? value : value[placeOf(rest, numberOf.columns(path))];
+      const element = rest === undefined ? value : value[placeOf(rest, numberOf.columns(path))] ?? 0;
       return typeof element === "number" ? element : numberOf(path, element);
     });
     new Float64Array(this.wasm.memory.buffer, this.input, inputs.length).set(inputs);
     this.wasm.sblcosim_start_values(this.input, this.output);
     const found = new Float64Array(this.wasm.memory.buffer, this.output, this.count).slice();
-    return (parameter) => this.values[parameter]?.map((place) => found[place]);
+    const headings = values.get(`${HEADINGS}_deg`).map((it) => it * (Math.PI / 180));
+    return (parameter) => parameter === HEADINGS ? headings
+      : this.values[parameter]?.map((place) => found[place]);
   }
 }
 

@@ -1,4 +1,5 @@
-// The water in colours: what 95 % of the errors at each place are within, over what the map shows.
+// The water in colours: what 95 % of the errors at each place are within, or what is possible there, over
+// what the map shows.
 //
 //   new Water(page)     .clear(), .on
 //   .outdate()            the settings are others: the colours turn pale, and words say why
@@ -25,6 +26,10 @@ export class Water {
     Object.assign(this, { page, on: false, isOld: false, cells: null, before: null, limit: null });
     $("colour").addEventListener("click", () => { if (this.on) this.clear(); else this.compute(); });
     $("water-limit").addEventListener("change", () => this.confine());
+    $("water-what").addEventListener("change", () => {
+      Object.assign(this, { isOld: false, cells: null, before: null }); // of another quantity
+      if (this.on) this.compute();
+    });
   }
 
   clear() {
@@ -57,7 +62,7 @@ export class Water {
     put($("water-words"), this.isOld ? OLD : "computing …");
     $("water-scale").hidden = false;
     const wanted = () => this.grid === grid;
-    const result = await explorer.water(grid, (part) => this.take(part), wanted);
+    const result = await explorer.water(grid, (part) => this.take(part), wanted, $("water-what").value);
     if (!wanted() || !result) return;
     if (result.why) {
       Object.assign(this, { isOld: false, cells: null, before: null });
@@ -66,7 +71,8 @@ export class Water {
     } else this.take(result);
   }
 
-  // values [m] by row of north and column of east; NaN where it is not known yet.
+  // values [m] by row of north and column of east; NaN where it is not known yet, Infinity where no
+  // accuracy is.
   take(result) {
     if (this.isOld) this.before = null;
     this.isOld = false;
@@ -88,29 +94,39 @@ export class Water {
 
   // What the colours mean, for the page and for pictures of the map.
   get scale() {
-    const known = Array.from(this.cells.values).filter(Number.isFinite).sort((a, b) => a - b);
+    const all = Array.from(this.cells.values).filter((it) => !Number.isNaN(it));
+    const known = all.filter(Number.isFinite).sort((a, b) => a - b);
     const low = known[0] ?? 0, high = Math.max(known[Math.floor(0.95 * (known.length - 1))] ?? 1, low * 1.0001);
-    const within = known.filter((it) => it <= this.limit).length / known.length;
-    return { low, high, within, colour: (value) => this.limit === null
+    const within = all.filter((it) => it <= this.limit).length / all.length, none = 1 - known.length / all.length;
+    return { none, low, high, within, colour: (value) => this.limit === null
       ? colourOf((value - low) / (high - low)) : value <= this.limit ? WITHIN : BEYOND };
   }
 
   show() {
     if (!this.cells) return;
-    const { page, limit, cells: { done, n, depth } } = this, { low, high, within } = this.scale;
+    const { limit, cells: { done, n, depth, words = [] } } = this, { low, high, within, none } = this.scale;
     $("water-bar").classList.toggle("two", limit !== null);
     put($("water-low"), limit === null ? length(low) : `within ${length(limit)}`);
     put($("water-high"), limit === null ? length(high) : "beyond");
     put($("water-words"), (limit === null ? "" : `${share(within)} of the water shown is within it: `)
-      + `95 % error of ${page.explorer.receivers[0]} at ${depth} m depth`
+      + `${this.quantity} at ${depth} m depth`
+      + (words.length ? `; left out: ${words.join(", ")}` : "")
+      + (none > 0 ? `; no ${this.isPossible ? "accuracy" : "estimates"} in ${share(none)} of it` : "")
       + (done < n ? `, ${Math.round(100 * done / n)} % done` : ""));
-    page.stage.state.under = Object.assign((pen, view) => this.draw(pen, view), { legend: this.legend });
-    page.stage.drawMap();
+    const { stage } = this.page;
+    stage.state.under = Object.assign((pen, view) => this.draw(pen, view), { legend: this.legend });
+    stage.drawMap();
+  }
+
+  get isPossible() { return $("water-what").value === "possible"; }
+
+  get quantity() {
+    return this.isPossible ? "95 % error of a perfect receiver" : `95 % error of ${this.page.explorer.receivers[0]}`;
   }
 
   get legend() {
     const { low, high, colour } = this.scale, mark = "area", { limit } = this;
-    const middle = (low + high) / 2, of = "95 % error";
+    const middle = (low + high) / 2, of = this.isPossible ? "possible 95 % error" : "95 % error";
     return limit === null
       ? [low, middle, high].map((it) => ({ label: `${of} ${length(it)}`, colour: colour(it), dash: [], mark }))
       : [{ label: `${of} within ${length(limit)}`, colour: WITHIN, dash: [], mark },
@@ -122,7 +138,7 @@ export class Water {
     pen.save();
     pen.globalAlpha = this.isOld ? PALE : CLEAR;
     const { colour } = this.cells ? this.scale : {};
-    for (const cells of [this.before, this.cells]) if (cells && colour) drawCells(pen, view, cells, colour);
+    for (const cells of [this.before, this.cells]) if (cells && colour) drawCells(pen, view, cells, colour, this.limit !== null);
     pen.globalAlpha = 1;
     if (this.cells && this.limit !== null) drawBorder(pen, view, this.cells, this.limit);
     pen.restore();
@@ -162,11 +178,11 @@ function isCovered(seen, grid) {
   });
 }
 
-function drawCells(pen, view, { north, east, size, depth, values }, colour) {
+function drawCells(pen, view, { north, east, size, depth, values }, colour, beyond) {
   const half = size / 2;
   north.forEach((n, i) => east.forEach((e, j) => {
     const value = values[i * east.length + j];
-    if (!Number.isFinite(value)) return;
+    if (Number.isNaN(value) || (value === Infinity && !beyond)) return;
     pen.fillStyle = colour(value);
     pen.beginPath();
     [[n - half, e - half], [n - half, e + half], [n + half, e + half], [n + half, e - half]].forEach(([x, y], k) => {
@@ -181,7 +197,7 @@ function drawCells(pen, view, { north, east, size, depth, values }, colour) {
 // Between cells within the limit and others.
 function drawBorder(pen, view, { north, east, size, depth, values }, limit) {
   const half = size / 2, at = (i, j) => values[i * east.length + j] <= limit;
-  const known = (i, j) => Number.isFinite(values[i * east.length + j]);
+  const known = (i, j) => !Number.isNaN(values[i * east.length + j]);
   pen.strokeStyle = "#fff"; // tracks are dark
   pen.lineWidth = 1.5;
   const side = (i, j, k, l, from, to) => {

@@ -12,6 +12,7 @@ import { decimal, line, roundStep, ticks, write } from "./pen.js";
 // Standard deviations that hold 95 % of a normal error in a plane, and in space.
 const REACH_PLANE = 2.4477, REACH_SPACE = 2.7955;
 const PAST_ELLIPSES = 12, MOST_WITH_PAST = 2;
+export const WAY = [2, 4]; // dashes of a boat's way
 const MARGINS = { left: 34, right: 14, top: 14, bottom: 24 };
 
 const rows = (track) => Array.from(track.x, (_, i) => [track.x[i], track.y[i], track.z[i]]);
@@ -64,6 +65,7 @@ export function drawMap(pen, view, run, state, look) {
   pen.lineJoin = "round";
   state.under?.(pen, view);
   (view.isPlan ? drawPlanGrid : drawSpace)(pen, view, run, state, look);
+  if (run.sails) drawWay(pen, view, run, state.time, look);
   drawPath(pen, view, run, state.time, look);
   const shown = run.receivers.filter((it, i) => state.shown[i]).reverse(); // the main one on top
   for (const it of shown) drawTrail(pen, view, it, state, look);
@@ -138,6 +140,25 @@ function drawPath(pen, view, run, time, look) {
   pen.strokeStyle = look.ink;
   pen.lineWidth = 1.6;
   line(pen, [...path.slice(0, now + 1), view.project(...pointAt(run.diver, run.time, time))]);
+}
+
+const middleOfBeacons = ({ beacons }, at) =>
+  [0, 1, 2].map((k) => beacons.reduce((sum, it) => sum + at(it)[k] / beacons.length, 0));
+
+/** Where a boat is: the middle of its beacons. */
+export const boatAt = (run, time) => middleOfBeacons(run, (it) => pointAt(it, run.time, time));
+
+function drawWay(pen, view, run, time, look) {
+  const way = Array.from(run.time, (_, i) => view.project(...middleOfBeacons(run, ({ x, y, z }) => [x[i], y[i], z[i]])));
+  const now = Math.max(indexAt(run.time, time), 0);
+  pen.save();
+  pen.strokeStyle = look.ink;
+  pen.lineWidth = 1.4;
+  pen.setLineDash(WAY);
+  line(pen, [...way.slice(0, now + 1), view.project(...boatAt(run, time))]);
+  pen.globalAlpha = 0.45;
+  line(pen, way.slice(now));
+  pen.restore();
 }
 
 // All estimates up to now: a line, or dots.

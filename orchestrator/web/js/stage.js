@@ -12,7 +12,7 @@
 import { errorOf, pointAt, standing } from "./data.js";
 import { ErrorPlot } from "./errors.js";
 import { attach } from "./gestures.js";
-import { boxOf, drawMap } from "./map.js";
+import { WAY, boatAt, boxOf, drawMap } from "./map.js";
 import { Player, SPEEDS, listen, usualSpeed } from "./player.js";
 import { savePicture } from "./save.js";
 import { lookOf } from "./style.js";
@@ -172,8 +172,10 @@ export class Stage {
     const [ahead, right] = run.axes.map((name) => name.toLowerCase());
     const diver = run.diver
       ? `the diver is at ${metres(x)} m ${ahead}, ${metres(y)} m ${right}, ${metres(z)} m deep; ` : "";
+    const [n, e] = run.sails ? boatAt(run, time) : [];
+    const boat = run.sails ? `the boat is at ${metres(n)} m ${ahead}, ${metres(e)} m ${right}; ` : "";
     const seen = this.view.isPlan ? "Map" : "Map in space";
-    $("map").setAttribute("aria-label", `${seen} at ${clock(time, this.span)}: ${diver}${off.join(", ")}`);
+    $("map").setAttribute("aria-label", `${seen} at ${clock(time, this.span)}: ${diver}${boat}${off.join(", ")}`);
     $("time").setAttribute(
       "aria-valuetext", `${clock(time, this.span)} of ${clock(run.stop, this.span)}; ${off.join(", ")}`);
   }
@@ -185,6 +187,7 @@ export class Stage {
     }));
     const others = [
       [run.diver, { label: "diver, true", colour: look.ink, dash: [], mark: "line" }],
+      [run.sails, { label: "boat's way", colour: look.ink, dash: WAY.map((it) => it / 2), mark: "line" }],
       [run.beacons.length, { label: "beacons, true", colour: look.ink, dash: [], mark: "beacon" }],
       [run.reported.length, { label: "beacons, as reported", colour: look.soft, dash: [2, 1.5], mark: "beacon" }],
     ].filter(([there]) => there).map(([, entry]) => entry);

@@ -120,16 +120,20 @@ def _of_model(t: Tables) -> Any:
     ]
 
 
+TRACK = {"track_count": 3, "track_time_s": (0.0, 5.0, 9.0),
+         "track_heading_deg": (0.0, 9.0, 8.0), "track_m": (0.0, 0.0, 4.0, 1.0, 5.0, 3.0)}
+
+
+def _boats(t: Tables) -> list[Any]:
+    """The platform without a track, and on one of three points."""
+    return [SimpleNamespace(**{**vars(t.platform), **it}) for it in ({}, TRACK)]
+
+
 def _turning(t: Tables) -> Any:
-    """Without a track, and on one of three points."""
-    track = {"track_count": 3, "track_time_s": (0.0, 5.0, 9.0),
-             "track_heading_deg": (0.0, 9.0, 8.0), "track_m": (0.0, 0.0, 4.0, 1.0, 5.0, 3.0)}
-    own = t.platform.boat_speed_m_s, 3.0
-    return [
-        boat.turning(SimpleNamespace(**{**vars(t.platform), **it}),
-                     dict(zip(("std", "time"), own, strict=True)), "std", "time", yaw=yaw)
-        for it in ({}, track) for yaw in (False, True)
-    ]
+    told = {"std": t.platform.boat_speed_m_s, "time": 3.0}
+    straight = {"std": t.platform.boat_speed_m_s + 1.0, "time": 2.0}
+    return [boat.turning(it, told, "std", "time", straight, yaw=yaw)
+            for it in _boats(t) for yaw in (False, True)]
 
 
 def _of_waves(t: Tables) -> Any:
@@ -170,6 +174,8 @@ TRIED: Mapping[str, Callable[[Tables], Any]] = {
     "keys.to_si": _of_each_key(lambda v, value: (keys.to_si(v) or (lambda it: it))(value)),
     "keys.within": _of_each_key(keys.within),
     "boat.heading": lambda t: boat.heading(t.platform),
+    "boat.inputs": lambda t: [boat.inputs(it) for it in _boats(t)],
+    "boat.rates": lambda t: [boat.rates(_boats(t)[1], yaw) for yaw in (False, True)],
     "boat.turning": _turning,
     "motion.of_waves": _of_waves,
     "motion.of_mooring": lambda t: motion.of_mooring(t.platform),
