@@ -170,8 +170,8 @@ class Identified(Answer):
         ends = (scale.low, scale.high) if scale.told == YES else (None, None)
         if ends[0] is not None and ends[1] is not None and ends[0] * ends[1] > 0:
             changes["acoustics.sound_speed_m_s"] = assumed / (1 + known["range_scale"])
-        if has_own_errors(base.platform) and self.device.offsets_std > base.platform.mounting_std_m:
-            changes["platform.mounting_std_m"] = self.device.offsets_std
+        if has_own_errors(base.platform) and self.device.place_std is not None:
+            changes["platform.mounting_std_m"] = self.device.place_std
         offsets = [v for n, v in known.items() if n.startswith("range_offset")]
         if offsets and self._legs == 1:
             changes["acoustics.clock_offset_s"] = float(np.mean(offsets)) / assumed
