@@ -145,8 +145,8 @@ class Identified(Answer):
         scale whose interval holds zero does not replace the base's. Correlated residuals tell less:
         the noise is then that of independent ranges that tell as much. Offsets that walk count as
         noise, too (`Device.white_std`), as no simulated device has them. Losses come in bursts
-        where the interval of their length does not hold that of independent losses. Offsets that
-        differ by more than the places of fixed beacons are known to are errors of these places.
+        where the interval of their length does not hold that of independent losses. The
+        places of fixed beacons are known as well as the ranges tell, where they do.
 
         What all arrivals of a ping share is part of the noise of a range: both stay as they are.
         Of two-way ranges, a loss is that of either leg, an offset is a delay of the answer, and the

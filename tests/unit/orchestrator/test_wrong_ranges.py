@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from made_logs import changed, made
+from made_logs import changed, made, on_a_boat
 from numpy.typing import NDArray
 from quick import few
 from sblcosim import identify, process
@@ -20,21 +20,10 @@ from sblcosim.processing.windows import LATE_M
 Flags = NDArray[np.bool_]
 
 
-def on_a_boat() -> Log:
-    """The log of a diver by a boat that is moored, with beacons on arms of 4 m."""
-    arms = np.array([[4.0, 4.0, 2.0], [-4.0, 4.0, 1.5], [-4.0, -4.0, 2.0], [4.0, -4.0, 1.0]])
-    log = made(seconds=1200, beacons=arms, std=0.05)
-    heard = log.receptions
-    meta = log.meta.model_copy(update={
-        "arms_m": dict(zip(log.beacons, map(tuple, arms.tolist()), strict=True))})
-    posed = replace(heard, has_pose=np.ones(len(heard), bool))
-    return replace(log, receptions=posed, meta=meta)
-
-
 KINDS: dict[str, Any] = {
     "fixed": lambda: made(seconds=1200),
     "plane": lambda: made(seconds=1200, plane=True, seed=4),
-    "boat": on_a_boat,
+    "boat": lambda: on_a_boat(seconds=1200, std=0.05),
 }
 
 
