@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..data.estimates import Floats
 from .fit import Fit
 from .innovations import Ranges, likelihoods
 
@@ -40,9 +41,21 @@ def place_std(ranges: Ranges, found: Fit) -> float | None:
         for times in _TIMES.tolist()
     ])
     posterior = likelihood - 0.5 * (np.log(_TIMES) / _WIDTH) ** 2
-    weight = np.exp(posterior - posterior.max())
+    # Far from there, another track may fit as well: only the first maximum counts.
+    peak = int(np.flatnonzero(_TIMES == 1.0)[0])
+    while (best := _highest(posterior, peak)) != peak:
+        peak = best
+    posterior[peak:] = np.minimum.accumulate(posterior[peak:])
+    posterior[: peak + 1] = np.minimum.accumulate(posterior[peak::-1])[::-1]
+    weight = np.exp(posterior - posterior[peak])
     weight /= weight.sum()
     mean = float(weight @ np.log(_TIMES))
     if not weight @ (np.log(_TIMES) - mean) ** 2 <= _VAGUE**2:
         return None
     return assumed * float(np.sqrt(weight @ _TIMES**2))
+
+
+def _highest(values: Floats, at: int) -> int:
+    """Place of the highest of a value and its neighbours."""
+    first = max(at - 1, 0)
+    return first + int(values[first : at + 2].argmax())
