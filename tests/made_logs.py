@@ -76,6 +76,16 @@ def made(
     return log_of(raw)
 
 
+def on_a_boat(**keys: Any) -> Log:
+    """A log of `made`, whose beacons are on arms of a boat that is moored and reports its pose."""
+    arms = np.array([[4.0, 4.0, 2.0], [-4.0, 4.0, 1.5], [-4.0, -4.0, 2.0], [4.0, -4.0, 1.0]])
+    log = made(beacons=arms, **keys)
+    heard = log.receptions
+    meta = log.meta.model_copy(update={
+        "arms_m": dict(zip(log.beacons, map(tuple, arms.tolist()), strict=True))})
+    return replace(log, receptions=replace(heard, has_pose=np.ones(len(heard), bool)), meta=meta)
+
+
 def in_folder(folder: Path) -> Path:
     """A short log in the project's own format, as a device gives it."""
     from sblcosim.logs.folder import write
@@ -102,4 +112,4 @@ def changed(log: Log, which: Any, by: Any) -> Log:
     return replace(log, receptions=replace(log.receptions, range=ranges))
 
 
-__all__ = ["CORNERS", "changed", "made", "read_log", "written"]
+__all__ = ["CORNERS", "changed", "made", "on_a_boat", "read_log", "written"]

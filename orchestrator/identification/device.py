@@ -18,6 +18,7 @@ from .fit import Fit, fit, without_late
 from .innovations import MOST_BEACONS, OFFSET, SCALE, Filtered, Ranges, evaluate
 from .losses import Losses, losses
 from .path import noise_of, smoothed, start
+from .places import place_std
 from .swings import CarrierSwing
 
 Told = Literal[
@@ -135,6 +136,8 @@ class Device:
     wider
         Factor of all intervals, as residuals of a beacon are correlated in time; 1 if they are
         not.
+    place_std
+        Uncertainty of the places of fixed beacons [m]; None: the log does not tell it.
     """
 
     numbers: Sequence[Number]
@@ -144,6 +147,7 @@ class Device:
     correlation: Mapping[int, float]
     remarks: Sequence[str]
     wider: float = 1.0
+    place_std: float | None = None
 
     @property
     def known(self) -> Mapping[str, float]:
@@ -245,7 +249,10 @@ def device_of(samples: Samples, body: Floats | None = None, known: Assumed | Non
     of_ranges = [*_of_ranges(ranges, found, wider, beyond), *scale_rows, _of_walk(found, wider)]
     if posed and any(row.parameter == "late_share" and row.told == YES for row in of_ranges):
         remarks.append(_LATE_ON_PLATFORM)
-    if _drifting(samples):
+    places = None
+    if not posed and not _drifting(samples):
+        places = place_std(ranges, found)
+    elif not posed:
         why = "the errors of the beacons' own reported positions add to those of the ranges"
         of_ranges = [_untold(row, NOT, why) for row in of_ranges]
     numbers = [
@@ -254,7 +261,7 @@ def device_of(samples: Samples, body: Floats | None = None, known: Assumed | Non
         depth_row, *_of_motion(found, wider, posed and bool(known.swings)),
         *_of_positions(samples, known.swings),
     ]
-    return Device(numbers, ranges, outcome, found, correlation, remarks, wider)
+    return Device(numbers, ranges, outcome, found, correlation, remarks, wider, places)
 
 
 def _depth(
@@ -271,9 +278,9 @@ def _depth(
     # The depth as a range to something very far away: the same filter takes it.
     prior = {
         "north": depth[0], "east": 0.0, "velocity_north": 0.0, "velocity_east": 0.0,
-        "position_std": 1.0, "velocity_std": 0.5, "clock_walk": 0.0, "scale_std": 0.0,
-        "depth_bias_std": 0.0, "offset_std": 0.0, "place_std": 0.0, "place_down_std": 0.0,
-        "place_noise_std": 0.0, "place_down_noise_std": 0.0,
+        "position_std": 1.0, "velocity_std": 0.5, "clock_std": 0.0, "clock_walk": 0.0,
+        "scale_std": 0.0, "depth_bias_std": 0.0, "offset_std": 0.0, "place_std": 0.0,
+        "place_down_std": 0.0, "place_noise_std": 0.0, "place_down_noise_std": 0.0,
     }
     far = np.zeros((n, 3))
     far[:, 0] = -_ROUND_TRIP
@@ -318,7 +325,7 @@ def _ranges(
     prior = {
         "north": at[0], "east": at[1], "velocity_north": at[2], "velocity_east": at[3],
         "position_std": std + min(known.offset_std, 1.0), "velocity_std": 1.0,
-        "clock_walk": known.clock_walk_psd, "scale_std": known.scale_std,
+        "clock_std": 0.0, "clock_walk": known.clock_walk_psd, "scale_std": known.scale_std,
         "depth_bias_std": bias, "offset_std": known.offset_std, "place_std": known.place_std,
         "place_down_std": known.place_down_std if depth is not None else 0.0,
         "place_noise_std": known.place_noise_std,

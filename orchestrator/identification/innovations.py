@@ -24,8 +24,8 @@ PARAMETERS = (
 of the velocity's change at a turn, per axis [m/s], and of an offset's change in a second [m/√s]."""
 PRIOR = (
     "north", "east", "velocity_north", "velocity_east", "position_std", "velocity_std",
-    "clock_walk", "scale_std", "depth_bias_std", "offset_std", "place_std", "place_down_std",
-    "place_noise_std", "place_down_noise_std",
+    "clock_std", "clock_walk", "scale_std", "depth_bias_std", "offset_std", "place_std",
+    "place_down_std", "place_noise_std", "place_down_noise_std",
 )
 """What is known before the first range, in m, m/s and m²/s."""
 POSITION, VELOCITY, CLOCK, SCALE, DEPTH_BIAS, OFFSET = 0, 2, 4, 5, 6, 7

@@ -39,7 +39,10 @@ def wilson(count: float, of: float) -> tuple[float, float, float]:
     share = count / of
     middle = (share + _Z**2 / (2 * of)) / (1 + _Z**2 / of)
     half = _Z / (1 + _Z**2 / of) * np.sqrt(share * (1 - share) / of + _Z**2 / (4 * of**2))
-    return share, max(0.0, float(middle - half)), min(1.0, float(middle + half))
+    # Rounding must not make a bound of a share that is 0 or 1 another number.
+    low = float(middle - half) if count > 0 else 0.0
+    high = float(middle + half) if count < of else 1.0
+    return share, max(0.0, low), min(1.0, high)
 
 
 def losses(time_ns: Integers, beacon: Integers, slot_s: float | None = None) -> Losses | None:

@@ -145,8 +145,8 @@ class Identified(Answer):
         scale whose interval holds zero does not replace the base's. Correlated residuals tell less:
         the noise is then that of independent ranges that tell as much. Offsets that walk count as
         noise, too (`Device.white_std`), as no simulated device has them. Losses come in bursts
-        where the interval of their length does not hold that of independent losses. Offsets that
-        differ by more than the places of fixed beacons are known to are errors of these places.
+        where the interval of their length does not hold that of independent losses. The
+        places of fixed beacons are known as well as the ranges tell, where they do.
 
         What all arrivals of a ping share is part of the noise of a range: both stay as they are.
         Of two-way ranges, a loss is that of either leg, an offset is a delay of the answer, and the
@@ -170,8 +170,8 @@ class Identified(Answer):
         ends = (scale.low, scale.high) if scale.told == YES else (None, None)
         if ends[0] is not None and ends[1] is not None and ends[0] * ends[1] > 0:
             changes["acoustics.sound_speed_m_s"] = assumed / (1 + known["range_scale"])
-        if has_own_errors(base.platform) and self.device.offsets_std > base.platform.mounting_std_m:
-            changes["platform.mounting_std_m"] = self.device.offsets_std
+        if has_own_errors(base.platform) and self.device.place_std is not None:
+            changes["platform.mounting_std_m"] = self.device.place_std
         offsets = [v for n, v in known.items() if n.startswith("range_offset")]
         if offsets and self._legs == 1:
             changes["acoustics.clock_offset_s"] = float(np.mean(offsets)) / assumed

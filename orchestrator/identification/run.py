@@ -23,6 +23,7 @@ from ..processing.settings import Given, Settled, settled
 from ..results.result import Result
 from ..scenario.arrangement import has_own_errors
 from ..scenario.scenario import Scenario
+from ..words.lists import counted
 from ..words.shares import percent
 from .device import Assumed, device_of
 from .dive import dive_of
@@ -41,8 +42,8 @@ def identify(
 ) -> Identified:
     """What a log tells about its device: noise, late ranges, offsets, scale, losses and motion.
 
-    No truth is used, even if the log has one. Ranges that are far too short are left out, as by
-    `sblcosim.process`.
+    No truth is used, even if the log has one. Ranges that are far too short or far too late
+    are left out, as by `sblcosim.process`, and count as lost.
 
     Parameters
     ----------
@@ -69,7 +70,8 @@ def identify(
         _check_clock(base)
         name = base.name if isinstance(log, Result) else Path(log).resolve().name
         return Identified(name, device_of(samples, body, known), base)
-    ready = settled(log if isinstance(log, Log) else read_log(log, mapping), scenario)
+    heard = log if isinstance(log, Log) else read_log(log, mapping)
+    ready = settled(heard, scenario)
     _check_clock(ready.scenario)
     samples, body, known, base = of_log(ready)
     device = device_of(samples, body, known)
@@ -77,7 +79,9 @@ def identify(
     dive, of_dive = ({}, []) if scenario is not None or ready.log.scenario is not None else (
         dive_of(ready.log, device, base)
     )
-    said = (*ready.log.counted(), ready.said, *of_dive, *_named(ready.log))
+    lost = len(heard.receptions) - len(ready.log.receptions)
+    counts = [f"losses: {counted(lost, 'range')} left out, as if lost"] if lost else []
+    said = (*ready.log.counted(), *counts, ready.said, *of_dive, *_named(ready.log))
     return Identified(ready.log.name, device, base, said, ready.log.beacons, dive)
 
 

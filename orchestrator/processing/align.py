@@ -12,7 +12,7 @@ from ..data.estimates import Estimates, Floats
 from ..data.truth import Truth
 from ..lazy import Module
 from ..logs.log import Log
-from ..words.numbers import quantity, signed
+from ..words.numbers import signed
 
 optimize: Any = Module("scipy.optimize")
 
@@ -51,7 +51,7 @@ class Alignment:
             north, east, down = self.shift_m
             parts.append(
                 f"its frame by a turn of {signed(float(np.rad2deg(self.turn_rad)), 3)}° and "
-                f"({signed(north)}, {signed(east)}, {signed(down)}) {quantity('', 'm').strip()}"
+                f"({signed(north)}, {signed(east)}, {signed(down)}) m"
             )
         if not parts:
             return ""

@@ -72,7 +72,7 @@ class Processed(Answer):
     Attributes
     ----------
     log
-        The log, without ranges that are far too short.
+        The log, without ranges that are far too short or far too late.
     scenario
         The settings.
     made

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -60,6 +60,8 @@ _TIMES_OFFSET = 2.0
 _DRIFTS_M = 2.0
 """A platform whose reported positions are spread farther than this [m] drifts or sails: of the
 assumed GPS, 95 % of the errors are below 1.1 m."""
+_ROUNDS = 5
+"""Number of times that wrong ranges are looked for."""
 _LATE = 5.0
 """Mean excess of late ranges over the noise, likewise, unless the log shows a larger one."""
 _FEWEST_LATE = 5
@@ -73,7 +75,7 @@ class Settled:
     Attributes
     ----------
     log
-        The log without ranges that are far too short.
+        The log without ranges that are far too short or far too late.
     scenario
         The scenario with the settings.
     said
@@ -135,10 +137,10 @@ def settled(
     slots = int(min(max(len(log.beacons), BEACONS.least), BEACONS.most))
     own = scenario is None and log.scenario is not None
     simulated = own and log.meta.start_ns is not None
-    straight = None if simulated or SIGNED in log.kinds else _lines(log)
+    straight = None
+    if not simulated and SIGNED not in log.kinds:
+        log, straight = _believed(log)
     alike = _alike(log, straight) if straight is not None and arrangement == "fixed" else 1.0
-    if straight is not None and straight.early.any():
-        log = _without_early(log, straight)
     step_ns = _interval(log) if interval_s is None else nanoseconds(interval_s)
     if own or scenario is not None:
         given = load(log.scenario if own else scenario, overrides)  # type: ignore[arg-type]
@@ -192,18 +194,18 @@ def _check_ticks(log: Log, step_ns: int) -> None:
         )
 
 
-def _lines(log: Log) -> windows.Lines:
+def _lines(log: Log, per_beacon: int = windows.PER_BEACON) -> windows.Lines:
     """Straight lines through windows of a log; times count from its start."""
     heard = log.receptions
     order = np.lexsort((heard.beacon, heard.epoch_ns))
     depth = plane_of(log) if log.meta.dimension == 2 else None
-    return windows.lines(log.samples(), heard.beacon_position[order], depth)
+    return windows.lines(log.samples(), heard.beacon_position[order], depth, per_beacon)
 
 
 def _alike(log: Log, straight: windows.Lines) -> float:
     """Whether errors of ranges last, by their residuals about straight lines."""
     heard = log.receptions
-    inside = np.isfinite(straight.residual) & ~straight.early
+    inside = np.isfinite(straight.residual)
     if straight.scatter is None or not inside.any():
         return 1.0
     beacon = heard.beacon[np.lexsort((heard.beacon, heard.epoch_ns))]
@@ -226,21 +228,35 @@ def _late_mean(straight: windows.Lines | None, std: float) -> float:
     return max(usual, float(beyond.mean())) if len(beyond) >= _FEWEST_LATE else usual
 
 
-def _without_early(log: Log, straight: windows.Lines) -> Log:
-    """A log without the ranges that are far too short; they are among its findings."""
-    heard = log.receptions
-    early = np.zeros(len(heard), bool)
-    early[np.lexsort((heard.beacon, heard.epoch_ns))] = straight.early
-    off = -straight.residual[straight.early]
-    what = (
-        f"a range too short by {meters(float(off.min()))} to {meters(float(off.max()))}, against "
-        "at least three other beacons"
-    )
-    findings = [
-        Flaw("receptions", int(line), what, of=log.beacons[beacon], table="receptions")
-        for line, beacon in zip(heard.line[early], heard.beacon[early], strict=True)
-    ]
-    return replace(log, receptions=heard.chosen(~early), findings=(*log.findings, *findings))
+def _believed(log: Log) -> tuple[Log, windows.Lines]:
+    """A log without the ranges that are wrong, and straight lines through the others.
+
+    If there are any, long windows come first: in a short one, wrong ranges may be more than half.
+    """
+    straight, found = _lines(log), []
+    for _ in range(_ROUNDS):
+        if not straight.wrong.any():
+            break
+        for per_beacon in (windows.LONG, windows.PER_BEACON):
+            heard, straight = log.receptions, _lines(log, per_beacon)
+            wrong = np.lexsort((heard.beacon, heard.epoch_ns))[straight.wrong]
+            off = straight.residual[straight.wrong]
+            found += [*zip(heard.line[wrong], heard.beacon[wrong], off, strict=True)]
+            log = replace(log, receptions=heard.chosen(np.delete(np.arange(len(heard)), wrong)))
+    else:
+        straight = _lines(log)
+    return replace(log, findings=(*log.findings, *_wrong(log, sorted(found)))), straight
+
+
+def _wrong(log: Log, found: Sequence[tuple[int, int, float]]) -> Iterator[Flaw]:
+    """Findings of the lines, beacons and residuals [m] of ranges that are wrong."""
+    for what, which in (("short", [it for it in found if it[2] < 0]),
+                        ("late", [it for it in found if it[2] > 0])):
+        sizes = [meters(size) for size in sorted(abs(off) for _, _, off in which)]
+        by = " to ".join(dict.fromkeys((*sizes[:1], *sizes[-1:])))
+        words = f"a range too {what} by {by}, against at least three other beacons"
+        for line, beacon, _ in which:
+            yield Flaw("receptions", int(line), words, of=log.beacons[beacon], table="receptions")
 
 
 def _check(log: Log) -> None:

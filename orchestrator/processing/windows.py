@@ -1,12 +1,13 @@
-"""Straight lines through short windows of a log: start, scatter of ranges, and too short ranges.
+"""Straight lines through short windows of a log: start, scatter of ranges, and wrong ranges.
 
 In a window, the diver moves on a straight line, x(t) = p + v t, and the ranges fit it but for noise
 and some that are far off: least squares with Cauchy's weights 1/(1 + (e/(2.385 s))²), with the
 scale s from the median of the absolute residuals (P. J. Huber, E. M. Ronchetti, Robust Statistics,
 2009, sections 7.8 and 7.9). No filter and no truth is needed. All windows are solved at once.
 
-A range may be late, never early: receivers weigh late ranges, but believe those that are too short.
-Recorded ranges that are far too short, as from an echo of another ping, are therefore left out.
+Receivers weigh ranges that are late by some metres, as from echoes. They believe those that are too
+short, and lose the diver by those that are later than any echo nearby. Such ranges, as from an echo
+of another ping or of a wall far away, are wrong, and left out.
 """
 
 from __future__ import annotations
@@ -15,19 +16,22 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from sblcosim.fmus.host.nanoseconds import SECOND
 
-from ..data.estimates import Flags, Floats
+from ..data.estimates import Flags, Floats, Integers
 from ..data.samples import Samples
 
-PER_BEACON = 3
-"""Ranges of each beacon in a window, on average."""
+PER_BEACON, LONG = 3, 6
+"""Ranges of each beacon in a window, on average, and in a long one, in which fewer chance to be
+wrong than right."""
 LONGEST_S = 120.0
 """Longest window [s]: a diver does not swim straight on for longer."""
-EARLY = 10.0
-"""A range is too short if it is by this many times the scatter, and the motion of the window."""
-_FITS = 3.0
-"""A window tells nothing about single ranges if its scatter is this many times the usual one."""
+WRONG = 10.0
+"""A range is wrong if it is off by this many times the scatter, and the motion of the window."""
+LATE_M = 40.0
+"""A late range is wrong if it is late by this [m], and by half of the other limit: late ranges are
+more usual than short ones, but not so late ones."""
 _MOTION_M_S = 0.5
 """Deviation from a straight line per time of a window [m/s]: that of a diver who turns back."""
 _SPEED_STD = 1.0
@@ -35,6 +39,8 @@ _SPEED_STD = 1.0
 _TO_STD = 1.4826
 """Standard deviation of a normal distribution in units of its median absolute deviation."""
 _TUNING = 2.385
+_EARLY = 2.0
+"""Loss of a range that is too short over that of a late one, which is more usual."""
 _PASSES = 25
 _ROUGHLY, _FINELY = 1e-2, 1e-4
 """A line that moves by less [m], [m/s] needs no further pass: when the best is sought, and then."""
@@ -77,8 +83,8 @@ class Lines:
         Robust standard deviation of the ranges about the lines [m], or None.
     offset
         Root mean square over the beacons of the median of a beacon's residuals [m].
-    early
-        Whether a range is far too short; shape (m,), in the order of the samples.
+    wrong
+        Whether a range is far too short or far too late; shape (m,), in the order of the samples.
     residual
         Range minus that of its line [m]; NaN outside windows; shape (m,).
     """
@@ -86,11 +92,13 @@ class Lines:
     first: Window | None
     scatter: float | None
     offset: float
-    early: Flags
+    wrong: Flags
     residual: Floats
 
 
-def lines(samples: Samples, position: Floats, depth: float | None) -> Lines:
+def lines(
+    samples: Samples, position: Floats, depth: float | None, per_beacon: int = PER_BEACON
+) -> Lines:
     """Fit straight lines to all windows of a log.
 
     Parameters
@@ -99,17 +107,19 @@ def lines(samples: Samples, position: Floats, depth: float | None) -> Lines:
         Position of the beacon of each range, NED [m]; shape (m, 3).
     depth
         Depth of the plane of a log in two dimensions [m]; None: there are readings.
+    per_beacon
+        Ranges of each beacon in a window, on average.
     """
     m = len(samples.range)
-    length = PER_BEACON * max(len(set(samples.beacon.tolist())), 1)
-    count = m // length
+    length = per_beacon * max(len(set(samples.beacon.tolist())), 1)
     none = Lines(None, None, 0.0, np.zeros(m, bool), np.full(m, np.nan))
-    if length < 3 * PER_BEACON or not count or (depth is None and not len(samples.depth)):
+    if length < 3 * per_beacon or m < length or (depth is None and not len(samples.depth)):
         return none
-    which = np.arange(count * length).reshape(count, length)
-    begin = samples.range_ns[which[:, 0]]
-    time = (samples.range_ns[which] - begin[:, None]) / SECOND
-    kept = time <= LONGEST_S
+    which, kept = _windows(samples.range_ns, length)
+    count = len(which)
+    begin = samples.range_ns[which[np.arange(count), kept.argmax(axis=1)]]
+    time = np.where(kept, samples.range_ns[which] - begin[:, None], 0) / SECOND
+    kept &= time <= LONGEST_S
     deep = np.full(count, depth) if depth is not None else np.interp(
         begin, samples.depth_ns, samples.depth
     )
@@ -117,18 +127,21 @@ def lines(samples: Samples, position: Floats, depth: float | None) -> Lines:
     usable = kept.sum(axis=1) > _STATES
     x, scale, normal = _solved(place, size, time, kept, deep)
     off = np.where(kept, size - _distance(x, place, time, deep), np.nan)
-    free = np.sqrt(kept.sum(axis=1) / np.maximum(kept.sum(axis=1) - _STATES + 1, 1))
     usable &= np.isfinite(x).all(axis=1)
     if not usable.any():
         return none
-    spread = np.where(usable, scale * free, np.nan)
+    spread = np.where(usable, _spread(off, kept), np.nan)
     scatter = max(float(np.nanmedian(spread)), _LEAST_STD)
-    limit = EARLY * scatter + _MOTION_M_S * np.where(kept, time, 0.0).max(axis=1)
-    early, residual = np.zeros(m, bool), np.full(m, np.nan)
-    fits = usable & (spread <= _FITS * scatter)
-    short = fits[:, None] & (off < -limit[:, None])
-    early[which] = short & _others(samples.beacon[which], kept & ~short)[:, None]
-    residual[which] = np.where(usable[:, None], off, np.nan)
+    limit = (WRONG * scatter + _MOTION_M_S * np.where(kept, time, 0.0).max(axis=1))[:, None]
+    near = kept & (np.abs(off) <= limit)
+    usable_near = near.sum(axis=1) > kept.sum(axis=1) / 2
+    limit = np.maximum(limit, WRONG * _spread(off, near)[:, None])
+    wrong, residual = np.zeros(m, bool), np.full(m, np.nan)
+    far = (off < -limit) | (off > np.maximum(limit / 2, LATE_M))
+    others = usable & usable_near & _others(samples.beacon[which], kept & ~far)
+    wrong[which[others[:, None] & far]] = True
+    inside = kept & usable[:, None]
+    residual[which[inside]] = off[inside]
     i = int(usable.argmax())
     covariance = np.linalg.pinv(normal[i])
     std = np.sqrt(np.maximum(np.diag(covariance)[:2], 0.0)) * max(float(spread[i]), scatter) / max(
@@ -137,7 +150,30 @@ def lines(samples: Samples, position: Floats, depth: float | None) -> Lines:
         int(begin[i]), np.array([x[i, 0], x[i, 1], deep[i]]), np.array([x[i, 2], x[i, 3], 0.0]),
         std,
     )
-    return Lines(first, scatter, _offset(samples.beacon, residual), early, residual)
+    return Lines(first, scatter, _offset(samples.beacon, residual), wrong, residual)
+
+
+def _windows(time_ns: Integers, length: int) -> tuple[NDArray[np.intp], Flags]:
+    """Numbers of the ranges of each window, (w, length), and which of them belong to it.
+
+    Windows end at gaps; the last one before a gap has some ranges of the one before.
+    """
+    n = len(time_ns)
+    ends = np.append(np.flatnonzero(np.diff(time_ns) > LONGEST_S / _STATES * SECOND) + 1, n)
+    begins = np.append(0, ends[:-1])
+    last = np.concatenate([
+        np.append(np.arange(a + length, b, length), b) for a, b in zip(begins, ends, strict=True)
+    ])
+    run = np.searchsorted(ends, np.arange(n), "right")
+    which = np.maximum(last, length)[:, None] - length + np.arange(length)
+    return which, run[which] == run[last - 1][:, None]
+
+
+def _spread(off: Floats, some: Flags) -> Floats:
+    """Robust standard deviation of some residuals of each window, but for what the line takes."""
+    count = np.maximum(some.sum(axis=1), 1)
+    spread: Floats = _scale(off, some) * np.sqrt(count / np.maximum(count - _STATES + 1, 1))
+    return spread
 
 
 def _offset(beacon: Any, residual: Floats) -> float:
@@ -247,7 +283,8 @@ def _best(
     scale = _scale(off, kept)
     usual = np.median(scale.min(axis=0))
     # With a scale of its own, half of the ranges would as soon take the other side of two beacons.
-    loss = np.where(kept, np.log1p((off / (_TUNING * usual)) ** 2), 0.0).sum(axis=-1)
+    loss = np.where(kept, np.log1p((off / (_TUNING * usual)) ** 2), 0.0)
+    loss = np.where(off < 0, _EARLY * loss, loss).sum(axis=-1)
     best, each = loss.argmin(axis=0), np.arange(x.shape[1])
     return x[best, each], scale[best, each], best
 

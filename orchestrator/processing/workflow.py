@@ -46,9 +46,9 @@ def process(
 ) -> Processed:
     """Run receivers on recorded receptions and depths, side by side.
 
-    Ranges that are far too short are left out, and said: receivers weigh late ranges, but believe
-    those that are too short. Receivers start where a straight line fits the first ranges. No truth
-    is used for either.
+    Ranges that are far too short, or late by tens of metres, are left out, and said: receivers
+    weigh ranges that are a little late, but lose the diver by the others. Receivers start where a
+    straight line fits the first ranges. No truth is used for either.
 
     Parameters
     ----------

@@ -64,8 +64,9 @@ def process(
     """Run receivers on a recorded log, side by side.
 
     With a true track in the log, prints the error of each receiver. Without one, prints the
-    residuals of the ranges by beacon, and how far receivers agree. Ranges that are far too short
-    are left out, and counted. The receivers start where a straight line fits the first ranges.
+    residuals of the ranges by beacon, and how far receivers agree. Ranges that are far too short or
+    far too late are left out, and counted. The receivers start where a straight line fits the first
+    ranges.
 
     The settings are those of --scenario, or of the log's own scenario, or usual values with the
     scatter of the ranges. The output says which. The exit code is 1 if a receiver gave no estimate

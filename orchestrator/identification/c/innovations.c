@@ -224,7 +224,7 @@ static void begin(struct filter *f, const struct log *g)
         const int of_place = i - OFFSET - g->beacons;
         const double std = i < VELOCITY ? p[PRIOR_POSITION_STD]
                            : i < CLOCK ? p[PRIOR_VELOCITY_STD]
-                           : i == CLOCK ? 0.0
+                           : i == CLOCK ? p[PRIOR_CLOCK_STD]
                            : i == SCALE ? p[PRIOR_SCALE_STD]
                            : i == DEPTH_BIAS ? p[PRIOR_DEPTH_BIAS_STD]
                            : of_place < 0 ? p[PRIOR_OFFSET_STD]

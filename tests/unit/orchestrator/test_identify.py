@@ -11,6 +11,7 @@ import as_recorded
 import numpy as np
 import pytest
 import sblcosim
+from made_logs import made, on_a_boat
 from recorded_sets import RECORDED, needs_recorded
 from sblcosim.data.samples import Samples
 from sblcosim.errors import ConfigurationError
@@ -37,9 +38,10 @@ from sblcosim.identification.innovations import (
 from sblcosim.identification.losses import losses, wilson
 from sblcosim.identification.path import noise_of, smoothed, start
 from sblcosim.identification.positions import parts
-from sblcosim.identification.result import Identified
 from sblcosim.identification.run import identify
 from sblcosim.identification.swings import CarrierSwing, swings_of
+from sblcosim.logs.log import Log
+from sblcosim.processing.workflow import process
 from scipy import stats
 from scipy.integrate import quad
 
@@ -221,6 +223,13 @@ def test_pings_without_a_schedule_and_none_lost() -> None:
     assert every is not None
     assert (every.burst, every.share[0]) == (None, 0)
     assert every.share[2] == wilson(0, 49)[2] > 0
+
+
+def test_a_share_that_is_nil_or_all_has_that_as_an_end() -> None:
+    for of in [*range(1, 2000), 35_999, 0.7, 123.4]:
+        assert wilson(0, of)[:2] == (0, 0)
+        assert wilson(of, of)[0] == wilson(of, of)[2] == 1
+        assert wilson(0, of)[2] > 0
 
 
 def wandering(
@@ -454,15 +463,61 @@ def test_offsets_differ_by_more_than_their_uncertainty(
     assert device.offsets_std == pytest.approx(found, rel=1e-5)
 
 
-@pytest.mark.parametrize("known", [0.5, 0.9])
-def test_places_that_are_known_less_well_than_offsets_differ_stay_as_they_are(known: float) -> None:
-    base = sblcosim.load("harbour-lbl", {"platform.mounting_std_m": known})
-    device = replace(device_of(heard()), numbers=[
-        *offsets_of(0.0, 0.9, -0.9, 0.0),
-        *(n for n in device_of(heard()).numbers if not n.parameter.startswith("range_offset")),
-    ])  # fmt: skip
-    changes = Identified("dive", device, base).overrides()
-    assert changes.get("platform.mounting_std_m") == (device.offsets_std if known < 0.7 else None)
+def placed(known: float, seed: int, offset: float = 0.0, **keys: Any) -> Log:
+    """A log of `made` with six beacons whose places and ranges have errors of their own."""
+    random = np.random.default_rng(seed)
+    angles = np.arange(6) * np.pi / 3
+    places = np.column_stack([40 * np.cos(angles), 40 * np.sin(angles), np.full(6, 12.0)])
+    log = made(beacons=places, offsets=offset * random.standard_normal(6), seed=seed,
+               **{"seconds": 600, "std": 0.05, **keys})
+    said = np.column_stack([known * random.standard_normal((6, 2)), np.zeros(6)])
+    heard = log.receptions
+    return replace(log, receptions=replace(
+        heard, beacon_position=heard.beacon_position + said[heard.beacon]))
+
+
+@pytest.mark.parametrize(("std", "offset"), [
+    (0.03, 0.0), (0.3, 0.0), (1.0, 0.0), (0.03, 0.5),
+])  # fmt: skip
+def test_ranges_tell_how_well_places_of_beacons_are_known(std: float, offset: float) -> None:
+    found = []
+    for seed in range(2):
+        known = identify(placed(std, seed, offset))
+        assert known.device.place_std is not None
+        found.append(known.device.place_std)
+        assert known.scenario().platform.mounting_std_m == known.device.place_std
+    expected = float(np.hypot(std, offset))
+    assert 0.5 * expected < float(np.exp(np.mean(np.log(found)))) < 2 * expected
+
+
+@pytest.mark.parametrize("log", [
+    pytest.param(lambda: placed(0.3, 1, seconds=40, std=0.5), id="few ranges"),
+    pytest.param(lambda: on_a_boat(seconds=300), id="boat"),
+])  # fmt: skip
+def test_where_they_do_not_tell_it_the_assumed_value_stays(log: Any) -> None:
+    found = identify(log())
+    assert found.device.place_std is None
+    assert "platform.mounting_std_m" not in found.overrides()
+
+
+@pytest.mark.parametrize(("known", "least", "most"), [(0.01, 0.1, 0.8), (1.0, 1.5, 4.0)])
+def test_receivers_claim_what_places_are_known_to(known: float, least: float, most: float) -> None:
+    log = placed(known, 2)
+    scenario = identify(log).scenario()
+    assumed = scenario.override({"platform.mounting_std_m": 0.3}.items())
+    rows = [process(log, scenario=it).receivers.loc["long_baseline"] for it in (scenario, assumed)]
+    assert least < rows[0].claimed_rms_m / rows[1].claimed_rms_m < most
+    assert rows[0].horizontal_rms_m < 1.1 * rows[1].horizontal_rms_m
+
+
+def test_an_offset_of_all_beacons_is_that_of_one_where_there_is_only_one() -> None:
+    time, random = np.arange(40.0), np.random.default_rng(3)
+    values = 3.0 + random.normal(0.0, 0.3, len(time))
+    at = np.array([[0.3, 1e-9, 1.0, 1e-3, 1.0, 1.0, 0.0]])
+    each = [float(likelihoods(line(values, time, **{name: 2.0}), at)[0])
+            for name in ("clock_std", "offset_std", "scale_std")]
+    assert each[0] == pytest.approx(each[1], rel=1e-9)
+    assert each[0] != pytest.approx(float(likelihoods(line(values, time), at)[0]), rel=1e-3)
 
 
 def test_intervals_are_wider_where_residuals_resemble_the_ones_before() -> None:

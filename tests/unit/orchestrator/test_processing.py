@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import sblcosim
-from made_logs import CORNERS, changed, in_folder, made, written
+from made_logs import CORNERS, changed, in_folder, made, on_a_boat, written
 from quick import few
 from sblcosim import ConfigurationError, identify, listings, process, read_log
 from sblcosim.cli.documents.by_command import document
@@ -548,6 +548,24 @@ def test_the_frame_of_a_truth_is_found() -> None:
     assert any("its frame by a turn of −130" in line for line in processed.remarks)
     assert processed.truth is not None
     assert np.abs(processed.truth.position - log.truth.position).max() < 1.0
+
+
+@pytest.mark.parametrize("speed", [0.0, 0.5])
+def test_the_frame_of_a_truth_is_found_from_a_boat_with_a_pose(speed: float) -> None:
+    log = sailing(on_a_boat(seconds=600, std=0.05), speed)
+    assert log.truth is not None
+    meta = log.meta.model_copy(
+        update={"frame": log.meta.frame.model_copy(update={"truth": "estimate"})}
+    )
+    other = moved(log.truth, Alignment(0.0, 2.2, (1000.0, -300.0, 7.0)))
+    processed, same = process(replace(log, truth=other, meta=meta)), process(log)
+    (told,) = [line for line in processed.remarks if line.startswith("truth: moved its frame")]
+    assert "by a turn of −126° and (" in told
+    assert ", −7.00) m, so that it fits coupled best; errors are what then remains" in told
+    assert processed.truth is not None
+    assert np.abs(processed.truth.position - log.truth.position).max() < 0.3
+    made_errors = [it.receivers.horizontal_rms_m["coupled"] for it in (processed, same)]
+    assert made_errors[0] == pytest.approx(made_errors[1], rel=0.2)
 
 
 def test_a_truth_that_says_its_offset_is_believed() -> None:
