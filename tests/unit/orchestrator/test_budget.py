@@ -537,6 +537,9 @@ def test_the_sentence_says_what_is_left_and_why_shares_are_more_than_the_whole()
     over = _made_up((0.3, 0.2, 0.4), gps=0.9, left=0.01).answer
     assert over.endswith(f"RMS; the sound speed 30 %{clause}")
     assert "better" in _made_up((0.005, 0.0, 0.01), gps=0.9, left=0.1, better=True).answer
+    for share, named in ((0.019, False), (0.021, True), (0.035, True)):
+        assert ("sound speed" in _made_up((share, 0.01, 0.05), gps=0.9).answer) == named
+        assert ("is left with all" in _made_up((0, 0, 0), gps=0.9, left=share).answer) == named
 
 
 def test_columns_and_rows_have_names_of_their_own() -> None:

@@ -151,3 +151,18 @@ def test_what_is_said_of_a_line_of_beacons_is_the_same_elsewhere(
         else:
             assert said is not None
             assert f"seen from above the beacons {words}, {angle:.0f}° from forward" in said
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.7, 2.0])
+@pytest.mark.parametrize(("across", "said"), [
+    (0.0, " on one line"), (0.049, " nearly on one line"), (0.051, None), (0.09, None), (1.0, None),
+])  # fmt: skip
+def test_beacons_are_nearly_on_a_line_below_a_twentieth(
+    across: float, said: str | None, turn: float
+) -> None:
+    """Ratio of the spreads across and along; a rectangle's are its sides."""
+    corners = np.array([(x, across * y) for x in (-3.0, 3.0) for y in (-3.0, 3.0)])
+    c, s = np.cos(turn), np.sin(turn)
+    offsets = np.column_stack([corners @ [[c, s], [-s, c]] + [1.0, -2.0], np.full(4, 0.5)])
+    found = degenerate(tuple(offsets.ravel().tolist()))
+    assert found is None if said is None else said in (found or "")

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import sblcosim
+from made_logs import made
 from sblcosim.cli.common.app import app
 from sblcosim.logs.contents import LogContents
 from sblcosim.logs.figures import gaps, marked, plot_log
@@ -177,3 +178,9 @@ def test_a_mapping_is_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     wrong = CliRunner().invoke(app, ["log", ".", "--mapping", "no.toml"])
     assert wrong.exit_code == 2
     assert wrong.stderr == "error: --mapping: must be a TOML file, got 'no.toml'\n"
+
+
+@pytest.mark.parametrize("start_s", [0.0, 50.0, 1.7e9])
+def test_a_log_tells_how_long_it_is_whenever_it_began(start_s: float) -> None:
+    log = made(seconds=90, start_s=start_s)
+    assert "of 89 s: 90 ranges of 4 beacons" in repr(log)
