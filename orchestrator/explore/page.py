@@ -17,7 +17,7 @@ MAIN = "explore/js/page"
 """The module of the page: its DOM."""
 DIVE_ENDING = ".json"
 """Ending of the file of a recorded dive."""
-_WORKER = "explore/js/served"
+WORKER = "explore/js/served"
 
 
 def write(
@@ -81,7 +81,7 @@ def render(told: dict[str, Any]) -> str:
 
 def worker() -> str:
     """Script of a worker of the page. From a file, Chromium starts none that is a module."""
-    return bundled(_WORKER)
+    return bundled(WORKER)
 
 
 def _source(name: str) -> str:

@@ -260,22 +260,31 @@ def test_a_run_without_receivers_has_no_page() -> None:
         of_shape(record, [])
 
 
-@pytest.mark.parametrize("room", ["web", "explore"])
-def test_modules_are_bundled_each_after_those_that_it_imports(room: str) -> None:
-    main = {"web": "web/js/replay", "explore": explorer.MAIN}[room]
+SCRIPTS = {"web": ["web/js/replay"], "explore": [explorer.MAIN, explorer.WORKER]}
+"""The first modules of the scripts of pages and their workers."""
+
+
+@pytest.mark.parametrize("room", SCRIPTS)
+def test_no_module_is_unused(room: str) -> None:
+    folder = Path(page.__file__).parents[1] / room / "js"
+    bundled = "".join(map(bundle.bundled, SCRIPTS[room]))
+    own = {n for n in re.findall(r"^modules\.(\w+) = ", bundled, re.MULTILINE)
+           if n.startswith(f"{room}_")}  # fmt: skip
+    assert own == {f"{room}_{path.stem}" for path in folder.glob("*.js")}
+    for name in own:
+        text = bundle.module(name.replace(f"{room}_", f"{room}/js/", 1))
+        assert text.startswith("// ")  # says what it is
+
+
+@pytest.mark.parametrize("main", [it for scripts in SCRIPTS.values() for it in scripts])
+def test_modules_are_bundled_each_after_those_that_it_imports(main: str) -> None:
     text = bundle.bundled(main)
     names = re.findall(r"^modules\.(\w+) = ", text, re.MULTILINE)
-    folder = Path(page.__file__).parents[1] / room / "js"
-    own = {name for name in names if name.startswith(f"{room}_")}
-    assert own == {f"{room}_{path.stem}" for path in folder.glob("*.js")}  # none is unused
     assert len({*names}) == len(names)
     for use in re.finditer(r"= modules\.(\w+);", text):
         before = text[: use.start()]
         assert f"modules.{use[1]} = (() =>" in before
     assert not re.search(r"^(?:import|export)\b", text, re.MULTILINE)
-    for name in own:
-        text = bundle.module(name.replace(f"{room}_", f"{room}/js/", 1))
-        assert text.startswith("// ")  # says what it is
 
 
 @pytest.mark.parametrize(
