@@ -18,6 +18,7 @@ MAIN = "explore/js/page"
 DIVE_ENDING = ".json"
 """Ending of the file of a recorded dive."""
 WORKER = "explore/js/served"
+"""The module of its workers."""
 
 
 def write(
