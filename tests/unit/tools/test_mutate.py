@@ -299,3 +299,22 @@ def test_tests_of_equations_run_before_those_that_compile(
 
     assert rounds(2) == [[slow, f"{slow}_more"], [quick]]
     assert rounds(4) == [[quick]]
+
+
+def test_a_process_that_was_killed_while_it_wrote_leaves_no_record(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(str(TOOLS))
+    tree = importlib.import_module("mutate_tree")
+    part = tmp_path / "part"
+    part.mkdir()
+    (part / "lines.a").write_bytes(b"not whole")
+    whole = CoverageData(str(part / "lines.b"))
+    whole.set_context("tests/test_it.py::test_it")
+    whole.add_lines({str(tmp_path.resolve() / "models/way.py"): [1, 2]})
+    whole.write()
+    (part / "seconds.1.json").write_text('{"tests/test_it.py::test_it": 0.1}')
+    assert tree.join(part, tmp_path, tmp_path / "record") == 1
+    known = CoverageData(str(tmp_path / "record" / "lines"))
+    known.read()
+    assert {*known.measured_files()} == {"models/way.py"}
