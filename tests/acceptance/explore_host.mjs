@@ -56,7 +56,10 @@ async function answered({ settings, link, ask = [], steps = [], dives = 0, cause
         Object.entries(values).map(([key, it]) => [key, textOf(it)]));
     } else found[name] = typeof explorer[name] === "function" ? explorer[name]() : explorer[name];
   }
-  if (dives) found.dives = await explorer.dives(dives);
+  if (dives) {
+    found.shown = [];
+    found.dives = await explorer.dives(dives, (part) => found.shown.push(part));
+  }
   if (causes) found.causes = await explorer.causes(() => {}, causes);
   if (replay) found.replay = await replayed(explorer, replay);
   if (possible) found.possible = await explorer.possible(possible);

@@ -103,7 +103,7 @@ def test_many_dives_have_the_numbers_of_many_runs(
     runs, receivers = 40, ("coupled", "ekf")
     job = {"settings": {"seed": 11, "receivers": receivers}, "dives": runs}
     here, workers = answers(told, [job, {**job, "by": "workers"}], tmp_path)
-    assert here == workers
+    assert here["dives"] == workers["dives"]
     many = run_many(load(NAME, {"seed": 11}), receivers, runs=runs)
     table = many.runs.table
     for name in receivers:
@@ -119,6 +119,21 @@ def test_many_dives_have_the_numbers_of_many_runs(
         assert found["claim"]["verdict"] == row["covariance"]
         assert found["claim"]["factor"] == pytest.approx(row["covariance_factor"], rel=1e-9)
         assert sum(found["histogram"]["shares"]) + found["histogram"]["beyond"] == pytest.approx(1)
+
+
+def test_dives_are_shown_as_they_grow(told: Mapping[str, Any], tmp_path: Path) -> None:
+    """Each time by a tenth or more, so that many dives do not wait for their summaries."""
+    runs = 800
+    (answer,) = answers(told, [{"settings": {"receivers": ["multilateration"]}, "dives": runs}],
+                        tmp_path)
+    done = np.array([part["done"] for part in answer["shown"]])
+    assert done[0] == 32
+    growth = done[1:] / done[:-1]
+    assert growth.min() >= 1.1
+    assert growth[done[:-1] >= 320].max() < 1.21
+    assert done[-1] < runs == answer["dives"]["done"]
+    of = [part["receivers"]["multilateration"]["runs"] for part in answer["shown"]]
+    assert of == done.tolist()
 
 
 def test_a_dive_is_drawn_as_its_replay(told: Mapping[str, Any], tmp_path: Path) -> None:

@@ -80,6 +80,7 @@ const PATH = "path", WAYPOINTS = "waypoints", SOURCE = "receiver.pose_source";
 const MOST_INSTANTS = 100_000; // whose record fits into memory
 const CAUSES = 128, TOTAL = 1; // dives without each cause; the length of an error: see LENGTHS
 const POSSIBLE = 8, MOST_POSSIBLE = 20_000; // dives of which is said what was possible, and their instants
+const GROWN = 1.1; // dives that are shown, over those shown before, at least
 const PART = 32; // dives that a worker does before it shows them
 
 export class Explorer {
@@ -545,8 +546,12 @@ export class Explorer {
   async dives(count, onPart = () => {}) {
     const state = this.#state, plan = this.#plan(state);
     const seeds = Array.from({ length: count }, (_, i) => state.seed + i);
-    const found = await this.#run("dives", state, plan, seeds, (result, done) =>
-      onPart(this.#summary(state, plan, result, done, count)));
+    let shown = 0;
+    const found = await this.#run("dives", state, plan, seeds, (result, done) => {
+      if (done < GROWN * shown) return; // so that summaries take the same share of any number
+      shown = done;
+      onPart(this.#summary(state, plan, result, done, count));
+    });
     return found && this.#summary(state, plan, found, count, count);
   }
 

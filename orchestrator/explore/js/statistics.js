@@ -34,11 +34,12 @@ export function summaryOf(names, sums, order, duration) {
     each.misleading.push(s("nees_estimates") > 0
       ? (nees > MISLEADING_NEES && rms > BEYOND_M) || longest > MISLEADING_S : null);
   }
+  const [p50, p95] = percentiles(lengths, [0.5, 0.95]);
   const good = each.rms.filter(Number.isFinite), known = each.misleading.filter((it) => it !== null);
   const lost = each.lost.filter(Boolean).length, misleading = known.filter(Boolean).length;
   return {
     runs: count, failed: count - good.length,
-    p50: percentile(lengths, 0.5), p95: percentile(lengths, 0.95),
+    p50, p95,
     rms: good.length ? Math.sqrt(good.reduce((sum, it) => sum + it * it, 0) / good.length) : NaN,
     lost, lostInterval: count ? shareInterval(lost, count) : null,
     misleading, misleadingKnown: known.length,
@@ -56,25 +57,32 @@ export function lengthsOf(order, run, length, lengths) {
 
 // --- Percentiles over runs -----------------------------------------------------------------------
 
-/** Radius that holds a share of the errors of all runs [m]; see `orchestrator/judge/pooling.py`. */
-export function percentile(lengths, share) {
-  const logs = lengths.map((own) => own.map((it) => Number.isNaN(it) ? Infinity : Math.log(it)));
-  const known = logs.flat().filter(Number.isFinite);
-  let span = [NOTHING, NOTHING];
-  if (known.length) span = [known.reduce((a, b) => Math.min(a, b)), known.reduce((a, b) => Math.max(a, b))];
-  return Math.exp(inBins(logs, span, share));
+/** Radii that hold shares of the errors of all runs [m]; see `orchestrator/judge/pooling.py`. */
+export function percentiles(lengths, shares) {
+  const logs = Float64Array.from(lengths.flat(), (it) => Number.isNaN(it) ? Infinity : Math.log(it));
+  let low = Infinity, high = -Infinity;
+  for (const it of logs)
+    if (Number.isFinite(it)) {
+      low = Math.min(low, it);
+      high = Math.max(high, it);
+    }
+  const bins = binsOf(logs, low <= high ? [low, high] : [NOTHING, NOTHING]);
+  return shares.map((share) => Math.exp(inBins(bins, share)));
 }
 
-function inBins(logs, [low, high], share) {
+function binsOf(logs, [low, high]) {
   const inner = Math.min(Math.max(Math.ceil((high - low) / BIN), 1), MOST_BINS);
   const end = Math.max(high, low + 1e-9), step = (end - low) / inner;
   const first = low + step - low; // as between the first two edges
   const counts = new Float64Array(inner + 3);
-  for (const own of logs)
-    for (const value of own)
-      counts[value === Infinity ? inner + 2
-        : Math.min(Math.max(Math.ceil((value - low) / first), 0), inner + 1)]++;
-  const all = counts.reduce((a, b) => a + b, 0), wanted = share * all;
+  for (const value of logs)
+    counts[value === Infinity ? inner + 2
+      : Math.min(Math.max(Math.ceil((value - low) / first), 0), inner + 1)]++;
+  return { counts, inner, low, end, first, all: logs.length };
+}
+
+function inBins({ counts, inner, low, end, first, all }, share) {
+  const wanted = share * all;
   let bin = 0, below = counts[0];
   while (below < wanted && bin < inner + 2) below += counts[++bin];
   if (bin === inner + 2 || all === 0) return Infinity;
@@ -86,7 +94,7 @@ function inBins(logs, [low, high], share) {
 
 // Shares of the errors of all runs in bars of equal width; the last one has what is beyond.
 function histogramOf(lengths) {
-  const all = lengths.flat().filter(Number.isFinite).sort((a, b) => a - b);
+  const all = Float64Array.from(lengths.flat().filter(Number.isFinite)).sort();
   if (!all.length) return { edges: [0, 1], shares: [0], beyond: 0 };
   const most = all[Math.min(Math.ceil(0.99 * all.length), all.length) - 1] || 1;
   const size = 10 ** Math.floor(Math.log10(most / BARS * 2));
