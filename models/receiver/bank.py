@@ -3,8 +3,8 @@
 A diver who turns, stops and goes on does not move with white acceleration of one density q. Each
 filter of the bank assumes another q. The likelihood of the ranges weighs them. The depth takes no
 part: its sensor is so precise that it would decide, about the vertical alone. Now and then the
-filters are mixed, as if the diver kept to one q for `MEMORY` on average, and then changed to any of
-them (H. A. P. Blom, Y. Bar-Shalom, IEEE Trans. Autom. Control 33, 1988, 780-783).
+filters are mixed, as if the diver kept to one q for `MEMORY` on average, and then changed to any
+of them, by `CHANCES` (H. A. P. Blom, Y. Bar-Shalom, IEEE Trans. Autom. Control 33, 1988, 780-783).
 
 A bank has a row for each filter: the states "mean", "covariance" (its upper triangle) and "weight".
 """
@@ -24,6 +24,8 @@ from .least_squares import symmetric
 
 PSDS = (0.03, 0.003, 0.3, 3.0)
 """Density q that each filter assumes [m²/s³]."""
+CHANCES = (0.5, 0.15, 0.25, 0.1)
+"""Chance of each q at a start and after a change: divers seldom move as the outer ones say."""
 MEMORY = 40.0
 """Mean time for which a diver keeps to one q [s]."""
 EVERY = 4.0
@@ -53,14 +55,18 @@ def psd(p: Symbols, x: Symbols) -> Any:
 def begun(p: Symbols) -> Any:
     """Weights at a start, (ROWS, 1)."""
     alone = [1.0, *[0.0] * MODELS]
-    equal = [*[1.0 / MODELS] * MODELS, 0.0]
-    return ca.if_else(learned(p), ca.SX(equal), ca.SX(alone))
+    usual = [*CHANCES, 0.0]
+    return ca.if_else(learned(p), ca.SX(usual), ca.SX(alone))
 
 
 def begun_of(p: Symbols, x: Symbols) -> Any:
     """Weight of a row at a start."""
-    weights = begun(p)
-    return weights[0] * (x.row == 0) + weights[1] * (x.row > 0) * (x.row < MODELS)
+    return _own(begun(p), x)
+
+
+def _own(each: Any, x: Symbols) -> Any:
+    """The number of a row among those of the filters."""
+    return sum(each[k] * (x.row == k) for k in range(MODELS))
 
 
 def row_of(x: Symbols, row: int) -> Symbols:
@@ -171,8 +177,8 @@ def loops(kept: Sequence[int]) -> tuple[Loop, ...]:
         }
 
     def mix(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
-        # Of what comes to this q, the share `own` had it before; all others have equal chances.
-        weight = x.stay * x.weight + (1 - x.stay) / MODELS
+        # Of what comes to this q, the share `own` had it before.
+        weight = x.stay * x.weight + (1 - x.stay) * _own(ca.SX(CHANCES), x)
         own = x.stay * x.weight / weight
         n = x.mean.numel()
         mean, P = x.average[:n], x.average[n:]
@@ -195,5 +201,5 @@ def loops(kept: Sequence[int]) -> tuple[Loop, ...]:
     )
 
 
-_GEOMETRIC = exp(sum(map(log, PSDS)) / MODELS)
+_GEOMETRIC = exp(sum(c * log(q) for c, q in zip(CHANCES, PSDS, strict=True)))
 """What is believed before any range: the geometric mean [m²/s³]."""

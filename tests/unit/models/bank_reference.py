@@ -8,17 +8,20 @@ import numpy as np
 
 
 def mixed(
-    weights: np.ndarray, means: np.ndarray, covariances: Sequence[np.ndarray], stay: float
+    weights: np.ndarray, chances: np.ndarray, means: np.ndarray, covariances: Sequence[np.ndarray],
+    stay: float,
 ) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
     """Weights, means and covariances of the filters after it (Blom and Bar-Shalom, 1988).
 
     Parameters
     ----------
+    chances
+        Of each filter after a change.
     stay
-        Probability of no change; after a change all filters have equal chances.
+        Probability of no change.
     """
     n = len(weights)
-    transitions = stay * np.eye(n) + (1 - stay) / n
+    transitions = stay * np.eye(n) + (1 - stay) * chances
     ahead = transitions.T @ weights
     share = transitions * weights[:, None] / ahead
     after = share.T @ means

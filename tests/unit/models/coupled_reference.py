@@ -662,14 +662,17 @@ class Learning(Reference):
     filter a mixture of all. It is one receiver: `Reference` has what the filters share.
     """
 
-    def __init__(self, p: Mapping[str, Any], psds: Sequence[float], memory: float, every: float
-                 ) -> None:
+    def __init__(
+        self, p: Mapping[str, Any], psds: Sequence[float], chances: Sequence[float], memory: float,
+        every: float,
+    ) -> None:
         super().__init__(p)
-        self.psds, self.memory, self.every = np.array(psds), memory, every
+        self.psds, self.chances = np.array(psds), np.array(chances)
+        self.memory, self.every = memory, every
         self.filters = [_Filter({**p, "acceleration_psd": q}) for q in psds]
         for f in self.filters:
             f.lead = self.filters[0]
-        self.weights = np.full(len(psds), 1 / len(psds))
+        self.weights = self.chances.copy()
         self.mixed = 0.0
         self.follow()
 
@@ -713,7 +716,7 @@ class Learning(Reference):
         stay = np.exp(-(self.epoch - self.mixed) / self.memory)
         means = np.array([f.mean for f in self.filters])
         ahead, means, covariances = mixed(
-            self.weights, means, [f.P for f in self.filters], stay
+            self.weights, self.chances, means, [f.P for f in self.filters], stay
         )
         for f, m, P in zip(self.filters, means, covariances, strict=True):
             f.mean, f.P = m, P
@@ -726,7 +729,7 @@ class Learning(Reference):
         first.anew(u)
         for f in self.filters:
             f.mean, f.P, f.ready = first.mean.copy(), first.P.copy(), True
-        self.weights = np.full(len(self.psds), 1 / len(self.psds))
+        self.weights = self.chances.copy()
         self.nis, self.degrees, self.mixed = 0.0, 0, self.epoch
 
     def output(self) -> dict[str, Any]:

@@ -409,13 +409,14 @@ class Learning(Reference):
     """
 
     def __init__(
-        self, p: Mapping[str, Any], psds: Sequence[float], memory: float, every: float,
-        beacons: int = 4,
+        self, p: Mapping[str, Any], psds: Sequence[float], chances: Sequence[float], memory: float,
+        every: float, beacons: int = 4,
     ) -> None:
         super().__init__(p, beacons)
-        self.psds, self.memory, self.every = np.array(psds), memory, every
+        self.psds, self.chances = np.array(psds), np.array(chances)
+        self.memory, self.every = memory, every
         self.filters = [Reference({**p, "acceleration_psd": q}, beacons) for q in psds]
-        self.weights = self.shown = np.full(len(psds), 1 / len(psds))
+        self.weights = self.shown = self.chances.copy()
         self.mixed = 0.0
 
     def follow(self) -> None:
@@ -453,7 +454,7 @@ class Learning(Reference):
         """All filters are where the mean is."""
         for f in self.filters:
             f.mean, f.P, f.epoch = self.mean.copy(), self.P.copy(), self.epoch
-        self.weights, self.mixed = np.full(len(self.psds), 1 / len(self.psds)), self.epoch
+        self.weights, self.mixed = self.chances.copy(), self.epoch
 
     def sound(self, z: float) -> None:
         for f in self.filters:
@@ -504,7 +505,7 @@ class Learning(Reference):
         stay = np.exp(-(self.epoch - self.mixed) / self.memory)
         means = np.array([f.mean for f in self.filters])
         ahead, means, covariances = mixed(
-            self.weights, means, [f.P for f in self.filters], stay
+            self.weights, self.chances, means, [f.P for f in self.filters], stay
         )
         for f, m, P in zip(self.filters, means, covariances, strict=True):
             f.mean, f.P = m, P

@@ -134,7 +134,8 @@ def test_learned_motion_is_an_interacting_multiple_model(
         LINE, {**start, **late, "pose_source": pose_source, "acceleration_psd": -1.0},
         acoustics=NOISY | late, steps=160,
     )
-    reference = Learning(result.receiver.p, bank.PSDS, bank.MEMORY, bank.EVERY)
+    reference = Learning(
+        result.receiver.p, bank.PSDS, bank.CHANCES, bank.MEMORY, bank.EVERY)
     harness.follow(result, reference, 2e-6)
     assert reference.epoch > 2 * bank.EVERY
     for name, value in reference.output().items():
@@ -149,7 +150,8 @@ def test_its_filters_have_heave_and_swing_in_common(pose_source: int) -> None:
         LINE, {**SINKING, "pose_source": pose_source, "acceleration_psd": -1.0},
         acoustics=NOISY, steps=160,
     )
-    reference = Learning(result.receiver.p, bank.PSDS, bank.MEMORY, bank.EVERY)
+    reference = Learning(
+        result.receiver.p, bank.PSDS, bank.CHANCES, bank.MEMORY, bank.EVERY)
     harness.follow(result, reference, 2e-6)
     box, (heave, swing) = result.receiver, (reference.filters[0].heave, reference.filters[0].swing)
     assert swing.C.any() == (pose_source == 3)
@@ -167,7 +169,8 @@ def test_its_filters_have_heave_and_swing_in_common(pose_source: int) -> None:
 def test_learned_motion_restarts_as_one() -> None:
     wrong = {**PRIOR, "prior_position": (34.0, -2.0, 5.0), "acceleration_psd": -1.0}
     result = Raft().dive(LINE, wrong, acoustics=NOISY, steps=150)
-    reference = Learning(result.receiver.p, bank.PSDS, bank.MEMORY, bank.EVERY)
+    reference = Learning(
+        result.receiver.p, bank.PSDS, bank.CHANCES, bank.MEMORY, bank.EVERY)
     harness.follow(result, reference, 2e-6)
     assert reference.restarts >= 1
     assert result.receiver.y["restart_count"] == reference.restarts

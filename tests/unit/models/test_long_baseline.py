@@ -124,7 +124,8 @@ def learn(
                 "beacons": lambda t: BOTTOM, "acoustics": NOISY, **settings}
     found = dive("long_baseline", path,
                  parameters={**ROUGH, **parameters, "acceleration_psd": -1.0}, **settings)
-    reference = Learning(found.receiver.p, bank.PSDS, bank.MEMORY, bank.EVERY)
+    reference = Learning(
+        found.receiver.p, bank.PSDS, bank.CHANCES, bank.MEMORY, bank.EVERY)
     harness.follow(found, reference, tolerance)
     for name, value in reference.output().items():
         np.testing.assert_allclose(
