@@ -48,6 +48,9 @@ the upper end of its correlation time. A shorter log tells it only if it looks f
 _CHANCE = 0.05
 """Probability with which equal offsets of beacons are taken for different ones."""
 _WIDER = 1.1
+_LEFT_OUT = 0.02
+"""Standard deviation of the logarithm of the noise of a range by what the model leaves out, such as
+errors of headings and a path between turns."""
 _LAGS = 20
 _LINEAR, CURVED = 1.15, 0.05
 """Factor of the standard deviations of scale and offsets: those of the linearised filter are too
@@ -391,7 +394,8 @@ def _of_ranges(ranges: Ranges, found: Fit, wider: float, beyond: bool) -> list[N
     at = dict(zip(found.names, found.at.tolist(), strict=True))
     sd = {name: found.coordinate(name)[1] * wider for name in found.names}
     share = float(found.parameters[1])
-    noise = _logarithmic("range_std", at["range_std"], sd["range_std"], "m", "noise of a range")
+    own = float(np.hypot(sd["range_std"], _LEFT_OUT))
+    noise = _logarithmic("range_std", at["range_std"], own, "m", "noise of a range")
     if not beyond:
         why = f"fewer than {FEWEST_LATE:.0f}, or within {BEYOND:.0f} times the noise"
         return [noise, *(Number(name, None, None, None, unit, NONE_LATE, why)
