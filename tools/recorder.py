@@ -41,7 +41,9 @@ if "{CONTEXT}" in os.environ:
         context=os.environ["{CONTEXT}"], messages=False,
     )
     # A process says what it says without a record.
-    record.set_option("run:disable_warnings", ["no-data-collected", "module-not-measured"])
+    record.set_option("run:disable_warnings", [
+        "no-data-collected", "module-not-imported", "module-not-measured",
+    ])
 
     def finish(own=os.getpid()):
         if os.getpid() == own:  # and not a fork
