@@ -25,6 +25,11 @@ CONTEXT = "SBLCOSIM_CONTEXT"
 IN_PROCESSES = f"""
 import os
 
+try:
+    os.getcwd()
+except FileNotFoundError:  # coverage.py cannot begin
+    os.environ.pop("{CONTEXT}", None)
+
 if "{CONTEXT}" in os.environ:
     import atexit
 
@@ -35,6 +40,10 @@ if "{CONTEXT}" in os.environ:
         source=os.environ["SBLCOSIM_SOURCES"].split(os.pathsep), config_file=False,
         context=os.environ["{CONTEXT}"], messages=False,
     )
+    # A process says what it says without a record.
+    record.set_option("run:disable_warnings", [
+        "no-data-collected", "module-not-imported", "module-not-measured",
+    ])
 
     def finish(own=os.getpid()):
         if os.getpid() == own:  # and not a fork

@@ -5,7 +5,9 @@ from __future__ import annotations
 import ast
 import importlib.util
 import json
+import os
 import re
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -299,6 +301,22 @@ def test_tests_of_equations_run_before_those_that_compile(
 
     assert rounds(2) == [[slow, f"{slow}_more"], [quick]]
     assert rounds(4) == [[quick]]
+
+
+@pytest.mark.parametrize("before", ["", 'cd gone && rmdir "$PWD" && '])
+def test_a_recorded_process_says_what_it_says_without_a_record(tmp_path: Path, before: str) -> None:
+    site, gone = tmp_path / "site", tmp_path / "gone"
+    for folder in (site, gone):
+        folder.mkdir()
+    first = runpy.run_path(str(TOOLS / "recorder.py"))["IN_PROCESSES"]
+    (site / "sitecustomize.py").write_text(first)
+    more = {"SBLCOSIM_CONTEXT": "a test", "SBLCOSIM_RECORD": str(tmp_path),
+            "SBLCOSIM_SOURCES": str(tmp_path / "sources"), "PYTHONPATH": str(site)}
+    done = subprocess.run(
+        ["sh", "-c", f"{before}{sys.executable} -c 'print(1)'"], cwd=tmp_path, text=True,
+        env=os.environ | more, capture_output=True, check=False,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "1\n", "")
 
 
 def test_a_process_that_was_killed_while_it_wrote_leaves_no_record(
