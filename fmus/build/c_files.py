@@ -24,7 +24,7 @@ BOUND = ("bound.c", "bound.h", "elementary.h", "real.h", "widest.h")
 """The recursion of a bound."""
 HEADERS = (
     "elementary.h", "engine.h", "instance.h", "life_cycle.h", "noise.h", "philox.h", "real.h",
-    "snapshots.h", "steps.h", "values.h",
+    "shared.h", "snapshots.h", "steps.h", "values.h",
 )
 
 

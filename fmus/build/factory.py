@@ -38,6 +38,8 @@ if TYPE_CHECKING:
 CACHE_VARIABLE = "SBLCOSIM_CACHE"
 """Environment variable that names the folder for built FMUs, instead of the user's cache."""
 
+SHARED = ("-DSHARED_ENGINE",)
+"""What lets the functions of FMI use the engine for one simulation, instead of their own."""
 USERS = "user-"
 """Prefix of folders in the cache that hold FMUs of users' receivers."""
 READY = Path(__file__).parents[1] / "ready"
@@ -233,9 +235,10 @@ def _prepared(
     sources = {**engine, **c_files([SHELLS[fmi]])}
     token = token_of(model, sources, fmi)
     sources["tables.h"] = tables_of(model, token)
+    shell = Unit(SHELLS[fmi], SHARED if lanes else ())
     objects = {
         cc: [
-            *([] if cc.platform == WASM else [_Object(sources, Unit(SHELLS[fmi]), cc)]),
+            *([] if cc.platform == WASM else [_Object(sources, shell, cc)]),
             *(_lanes(engine, cc) if lanes else ()),
         ]
         for cc in ccs
@@ -260,7 +263,10 @@ def _lanes(engine: Mapping[str, bytes], compiler: compilers.Compiler) -> list[_O
         own = c_files(WASM_FILES)
         entry, header = WASM_FILES
         sources |= {entry: own[entry], "string.h": own[header]}
-    return _kept(sources, [Unit(entry), *lane_units("lanes.c", compiler.platform)], compiler)
+    first, *others = lane_units("lanes.c", compiler.platform)
+    if compiler.platform != WASM:
+        first = replace(first, flags=(*first.flags, *SHARED))
+    return _kept(sources, [Unit(entry), first, *others], compiler)
 
 
 def _kept(

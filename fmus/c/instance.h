@@ -16,6 +16,9 @@
 #include "elementary.h"
 #include "model.h"
 #include "engine.h"
+#ifdef SHARED_ENGINE
+#include "shared.h"
+#endif
 
 enum type { FLOAT64, INT32, BOOLEAN };
 enum causality { PARAMETER, INPUT, OUTPUT };

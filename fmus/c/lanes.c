@@ -4,6 +4,10 @@
 #include "model.h"
 #include "engine.h"
 #include "lanes.h"
+#ifdef SHARED_ENGINE
+#define HAS_SHARED
+#include "shared.h"
+#endif
 
 #define PASTE_(a, b) a##b
 #define PASTE(a, b) PASTE_(a, b)

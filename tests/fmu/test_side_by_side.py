@@ -116,6 +116,27 @@ def test_the_engines_of_both_versions_are_compiled_once(fresh_cache: Path, seam:
     factory.build_all(FOUR[:2])
     assert len(turns.calls) == len({*turns.calls})
     assert {"fmi2.c", "fmi3.c", "lanes.c", "dispatch.c"} == {call[0] for call in turns.calls}
+    shared = [call for call in turns.calls if "-DSHARED_ENGINE" in call]
+    assert sorted(call[0] for call in shared) == ["fmi2.c", "fmi3.c", "lanes.c"]
+
+
+def test_the_functions_of_fmi_have_no_engine_of_their_own(
+    fresh_cache: Path, seam: Seam
+) -> None:
+    """Unless the FMU has no others."""
+    sizes: dict[str, int] = {}
+    compile_ = compiler.Compiler.compile
+
+    def measured(own: Any, source: str, output: str, include: Any, flags: Any, folder: Path
+                 ) -> None:
+        compile_(own, source, output, include, flags, folder)
+        sizes[source] = (folder / output).stat().st_size
+
+    seam.instead(compiler.Compiler.compile, measured)
+    factory.build("platform", 3)
+    alone = dict(sizes)
+    factory.build_all(baked("platform"))
+    assert sizes["fmi2.c"] > alone["fmi3.c"] + 0.5 * alone["lanes.c"]
 
 
 def test_a_request_made_twice_is_built_once(fresh_cache: Path, seam: Seam) -> None:
