@@ -142,7 +142,8 @@ def test_equal_runs_give_equal_bytes(tmp_path: Path) -> None:
         ("run.png", r"must be a file \.mp4 or \.gif, got .*run\.png"),
         ("run", r"must be a file \.mp4 or \.gif, got .*run"),
         ("run.mp4", r"must be a file \.gif without ffmpeg, got .*run\.mp4"),
-        ("taken/run.gif", r"must be a file that can be written, got .*run\.gif"),
+        ("taken/run.gif",
+         r"must be a file that can be written, got .*run\.gif \(Not a directory\)"),
     ],
 )
 def test_what_cannot_be_written_is_said_and_nothing_is_left(

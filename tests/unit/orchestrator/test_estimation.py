@@ -20,7 +20,9 @@ from sblcosim.errors import ConfigurationError
 from sblcosim.estimation import model, start
 from sblcosim.estimation.after import assumed
 from sblcosim.estimation.folder import read_run
+from sblcosim.fmus import stopping
 from sblcosim.results.result import Result
+from seams import Seam
 from typer.testing import CliRunner
 
 SHORT = {"time.duration_s": 30.0, "receiver.range_std_m": 0.1}
@@ -274,6 +276,23 @@ def test_the_particle_filter_is_judged_beside_the_receivers(run: Result) -> None
     for bad in ({"particles": 1}, {"seed": -1}, {"particles": 2.5}):
         with pytest.raises(ConfigurationError, match="must be a whole number"):
             sblcosim.research.particle_filter(run, **bad)
+
+
+def test_the_particle_filter_can_be_stopped_at_any_of_its_epochs(run: Result, seam: Seam) -> None:
+    class Enough(Exception):  # noqa: N818
+        pass
+
+    left = 20
+
+    def check() -> None:
+        nonlocal left
+        left -= 1
+        if left < 0:
+            raise Enough
+
+    seam.instead(stopping.check, check)
+    with pytest.raises(Enough):
+        sblcosim.research.particle_filter(run, particles=100)
 
 
 # --- The command ---------------------------------------------------------------------------------

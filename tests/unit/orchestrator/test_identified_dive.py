@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import sblcosim
 from made_logs import made
 from sblcosim.identification.device import NOT
+from sblcosim.identification.dive import dive_of
+from sblcosim.identification.path import smoothed
 from sblcosim.logs.log import Log
+from seams import Seam
 
 
 def at_once(log: Log) -> Log:
@@ -48,6 +52,24 @@ def test_the_scenario_of_a_log_dives_as_the_log_did(tmp_path: Path) -> None:
         "scenario: from the log, the beacons ping in turn, each every 4.00 s; it lasts 199 s, on "
         "the estimated path (200 points"
     )
+
+
+@pytest.mark.parametrize("turns", [False, True])
+def test_the_path_is_as_smooth_as_the_motion_that_was_found(turns: bool, seam: Seam) -> None:
+    """Turns by a normal variable at a rate are a white acceleration of their product."""
+    log = made(seconds=100)
+    found = sblcosim.identify(log)
+    motion = replace(found.device.motion, hypotheses=6 if turns else 1)
+    _, _, _, psd, rate, turn, _ = motion.parameters.tolist()
+    told = []
+
+    def spied(time: Any, values: Any, std: float, density: float) -> Any:
+        told.append(density)
+        return smoothed(time, values, std, density)
+
+    seam.instead(smoothed, spied)
+    dive_of(log, replace(found.device, motion=motion), found.scenario())
+    assert told == [pytest.approx(psd + turns * rate * turn**2, rel=1e-12)] * 2
 
 
 def test_a_dive_whose_ranges_begin_late_departs_then() -> None:

@@ -103,6 +103,20 @@ def test_receivers_are_numbered_as_their_ranges(tmp_path: Path) -> None:
     assert log.meta.beacons == {"R0": (2, 0, 1), "R1": (0, 3, 1), "R2": (-2, -3, 1)}
 
 
+@pytest.mark.parametrize(("lat", "lon", "is_a_place"), [
+    (0.0, 180.0, True), (-10.0, -180.0, True), (10.0, 180.1, False), (90.1, 0.0, False),
+])
+def test_a_place_may_be_where_the_date_changes(
+    lat: float, lon: float, is_a_place: bool, tmp_path: Path
+) -> None:
+    log = _read(tmp_path, [
+        _poll(0, "config/receivers", RECEIVERS), _acoustic(0.5, 5.0, 6.0, 7.0),
+        _poll(1, "position/master", {"lat": lat, "lon": lon, "orientation": 0}),
+        _acoustic(2, 5.5, 6.0, 7.0),
+    ])  # fmt: skip
+    assert (log.meta.place == Origin(lat, lon)) == is_a_place
+
+
 def test_the_explorer_kit_has_other_axes(tmp_path: Path) -> None:
     log = _read(
         tmp_path, [_poll(0, "config/receivers", RECEIVERS), _acoustic(1, 5.0, 6.0, 7.0)],
