@@ -92,10 +92,15 @@ def test_a_number_on_a_page_is_that_of_the_sources(row: tuple[str, ...]) -> None
 
 
 def test_the_densities_of_motion_are_those_of_both_pages() -> None:
-    from sblcosim.models.receiver.bank import PSDS
+    from sblcosim.models.receiver.bank import CHANCES, PSDS
 
+    assert sum(CHANCES) == 1.0
+    chance = dict(zip(PSDS, CHANCES, strict=True))
     for page in (COUPLED, BASELINE):
         file = resources.files("sblcosim.models.receiver") / page.partition("/")[2]
         (said,) = re.findall(r"\$q_j\$ = (.*?) and (\S+) m²/s³", file.read_text("utf-8"))
         stated = [float(it) for it in (*said[0].split(", "), said[1])]
         assert stated == sorted(PSDS)
+        (said,) = re.findall(
+            r"the chances (?:\$c_j\$ = )?([\d., ]*?) and (\d[\d.]*\d)", file.read_text("utf-8"))
+        assert [float(it) for it in (*said[0].split(", "), said[1])] == [chance[q] for q in stated]
