@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -21,6 +22,8 @@ _WIDEST_S = 600.0
 _STEPS = 241
 _LEAST = 30
 """Number of estimates that an alignment needs."""
+_NEARLY = 1.1
+"""Another offset of clocks fits nearly as well up to this many times the least distance."""
 
 
 @dataclass(frozen=True)
@@ -35,12 +38,16 @@ class Alignment:
         Turn about the vertical, and then the shift north, east, down [m].
     estimated
         Whether the offset, and whether turn and shift, were estimated.
+    alike_s
+        The smallest and the largest of other offsets that fit nearly as well [s], as on a circle
+        whose turn is not known either; None if there are none.
     """
 
     offset_s: float = 0.0
     turn_rad: float = 0.0
     shift_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     estimated: tuple[bool, bool] = (False, False)
+    alike_s: tuple[float, float] | None = None
 
     def told(self, label: str) -> str:
         """What was done, as a sentence; empty if nothing was."""
@@ -59,7 +66,11 @@ class Alignment:
             f"so that it fits {label} best; errors are what then remains"
             if any(self.estimated) else "as meta.toml says"
         )
-        return f"truth: moved {' and '.join(parts)}, {how}"
+        also = ""
+        if self.alike_s is not None:
+            low, high = (signed(end, 3) for end in self.alike_s)
+            also = f"; other offsets of its clock, between {low} s and {high} s, fit nearly as well"
+        return f"truth: moved {' and '.join(parts)}, {how}{also}"
 
 
 def aligned(log: Log, estimates: Estimates) -> tuple[Truth, Alignment] | None:
@@ -130,17 +141,44 @@ def _estimated(truth: Truth, estimates: Estimates, begin: Alignment) -> Alignmen
         # Half of the estimates decide: outliers do not move it.
         return float(np.sqrt(np.mean(np.sort(off)[: len(off) // 2 + 1] ** 2))), turn, shift
 
-    offset = begin.offset_s
+    offset, found = begin.offset_s, []
     if begin.estimated[0]:
         reach = min(_WIDEST_S, 0.7 * float(np.ptp(times)))
         for _ in range(4):
             grid = middle + np.linspace(-reach, reach, _STEPS)
-            middle = float(grid[int(np.argmin([fitted(o)[0] for o in grid]))])
+            found.append((grid, np.array([fitted(o)[0] for o in grid])))
+            middle = float(grid[int(np.argmin(found[-1][1]))])
             reach *= 4 / _STEPS
         offset = middle
-    _, turn, shift = fitted(offset)
+    least, turn, shift = fitted(offset)
+    alike = None
+    if found:
+        others = _others(*found[0], offset, _NEARLY * least, lambda o: fitted(o)[0])
+        alike = (min(others), max(others)) if others else None
     north, east, down = map(float, shift)
-    return replace(begin, offset_s=offset, turn_rad=turn, shift_m=(north, east, down))
+    return replace(
+        begin, offset_s=offset, turn_rad=turn, shift_m=(north, east, down), alike_s=alike
+    )
+
+
+def _others(
+    grid: Floats, distance: Floats, best: float, limit: float, at: Callable[[float], float]
+) -> list[float]:
+    """Offsets on a grid that fit within a limit, and are farther from the best than the next ones.
+
+    Between the points of the grid, three more are looked for: after whole rounds, there may be one.
+    """
+    step = grid[1] - grid[0]
+    far = np.abs(grid - best) > 2 * step
+    others: list[float] = grid[far & (distance <= limit)].tolist()
+    if others:
+        return others
+    inner = np.flatnonzero(
+        far[1:-1] & (distance[1:-1] <= np.minimum(distance[:-2], distance[2:]))) + 1
+    for i in inner[np.argsort(distance[inner])][:3]:
+        near = optimize.minimize_scalar(at, bounds=grid[[i - 1, i + 1]], method="bounded")
+        others += [float(near.x)] * bool(near.fun <= limit)
+    return others
 
 
 def _rigid(there: Floats, seen: Floats) -> tuple[float, Floats]:

@@ -25,7 +25,7 @@ from sblcosim.processing.playing import played
 from sblcosim.processing.quality import described, resemblance, row_of
 from sblcosim.processing.running import ran
 from sblcosim.processing.settings import arrangement_of, settled, start_values
-from sblcosim.words.numbers import minus
+from sblcosim.words.numbers import minus, signed
 from seams import Seam
 
 RIG = """\
@@ -534,6 +534,36 @@ def test_outliers_do_not_move_a_clock_or_a_frame(clock: float, turn: float) -> N
     assert found[1].turn_rad == pytest.approx(turn, abs=0.01)
     np.testing.assert_allclose(found[0].position, truth.position, atol=0.3)
     np.testing.assert_allclose(found[1].shift_m, shift, atol=0.3)
+
+
+@pytest.mark.parametrize(("frame", "rounds", "says"), [
+    ("estimate", 0.8, True), ("same", 0.8, False), ("same", 2.5, True),
+])
+def test_a_clock_that_could_be_another_one_is_said_to_be(
+    frame: str, rounds: float, says: bool
+) -> None:
+    """On a circle, a turn is a later clock; round after round, a later one fits as well."""
+    log = made(seconds=400)
+    angle = np.linspace(0.0, rounds * 2 * np.pi, 400)
+    circle = np.column_stack([20 * np.cos(angle), 20 * np.sin(angle), 0 * angle + 5])
+    seen = circle + np.random.default_rng(4).normal(0.0, 0.2, circle.shape)
+    time = log.start_ns + 10**9 * np.arange(400)
+    meta = log.meta.model_copy(update={
+        "clock": log.meta.clock.model_copy(update={
+            "truth": log.meta.clock.truth.model_copy(update={"offset_s": "estimate"})}),
+        "frame": log.meta.frame.model_copy(update={"truth": frame}),
+    })  # fmt: skip
+    given = replace(log, truth=Truth(time_ns=time, position=circle), meta=meta)
+    found = aligned(given, Estimates(epoch_ns=time, position=seen))
+    assert found is not None
+    told = found[1].told("coupled")
+    assert ("; other offsets of its clock, between " in told) == says
+    assert (found[1].alike_s is not None) == says
+    if says:
+        low, high = found[1].alike_s
+        assert high - low > 120
+        assert rounds < 1 or sorted({abs(round(low)), abs(round(high))}) == [160]
+        assert f"between {signed(low, 3)} s and {signed(high, 3)} s, fit nearly" in told
 
 
 def test_the_frame_of_a_truth_is_found() -> None:
