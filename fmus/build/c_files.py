@@ -9,6 +9,8 @@ from ..standard import Fmi
 
 SHELLS: Mapping[Fmi, str] = {2: "fmi2.c", 3: "fmi3.c"}
 """The functions of the standard, by its version."""
+SHARED: tuple[str, ...] = ("-DSHARED_ENGINE",)
+"""What lets the functions of FMI use the engine for one simulation, instead of their own."""
 LANES = ("lanes.h", "lanes.c", "dispatch.c", "widest.h")
 """The entry for many simulations side by side."""
 WASM = ("wasm.c", "freestanding.h")

@@ -28,7 +28,7 @@ from ..platforms import WASM, suffix, this_platform
 from ..standard import Fmi
 from . import compiler as compilers
 from .announcing import announced
-from .c_files import HEADERS, LANES, SHELLS, c_files
+from .c_files import HEADERS, LANES, SHARED, SHELLS, c_files
 from .c_files import WASM as WASM_FILES
 from .ingredients import ingredients
 
@@ -37,9 +37,6 @@ if TYPE_CHECKING:
 
 CACHE_VARIABLE = "SBLCOSIM_CACHE"
 """Environment variable that names the folder for built FMUs, instead of the user's cache."""
-
-SHARED = ("-DSHARED_ENGINE",)
-"""What lets the functions of FMI use the engine for one simulation, instead of their own."""
 USERS = "user-"
 """Prefix of folders in the cache that hold FMUs of users' receivers."""
 READY = Path(__file__).parents[1] / "ready"
@@ -235,10 +232,10 @@ def _prepared(
     sources = {**engine, **c_files([SHELLS[fmi]])}
     token = token_of(model, sources, fmi)
     sources["tables.h"] = tables_of(model, token)
-    shell = Unit(SHELLS[fmi], SHARED if lanes else ())
     objects = {
         cc: [
-            *([] if cc.platform == WASM else [_Object(sources, shell, cc)]),
+            *([_Object(sources, Unit(SHELLS[fmi], SHARED if lanes else ()), cc)]
+              if cc.platform != WASM else []),
             *(_lanes(engine, cc) if lanes else ()),
         ]
         for cc in ccs
@@ -258,15 +255,13 @@ def _lanes(engine: Mapping[str, bytes], compiler: compilers.Compiler) -> list[_O
     They are the same for both versions of FMI and for all descriptions of the variables.
     """
     sources = {**engine, **c_files(LANES)}
-    entry = "dispatch.c"
+    entry, alone = "dispatch.c", SHARED
     if compiler.platform == WASM:
         own = c_files(WASM_FILES)
-        entry, header = WASM_FILES
+        (entry, header), alone = WASM_FILES, ()
         sources |= {entry: own[entry], "string.h": own[header]}
-    first, *others = lane_units("lanes.c", compiler.platform)
-    if compiler.platform != WASM:
-        first = replace(first, flags=(*first.flags, *SHARED))
-    return _kept(sources, [Unit(entry), first, *others], compiler)
+    units = [Unit(entry), *lane_units("lanes.c", compiler.platform, alone)]
+    return _kept(sources, units, compiler)
 
 
 def _kept(
@@ -391,9 +386,9 @@ class Unit:
     flags: tuple[str, ...] = ()
 
 
-def lane_units(source: str, platform: str) -> tuple[Unit, ...]:
-    """One build of a source for each useful number of lanes of a platform."""
-    sets: dict[int, tuple[str, ...]] = {1: ()} if platform == WASM else {1: (), 2: ()}
+def lane_units(source: str, platform: str, alone: tuple[str, ...] = ()) -> tuple[Unit, ...]:
+    """One build of a source for each useful number of lanes; `alone`: flags of that for one."""
+    sets = {1: alone} if platform == WASM else {1: alone, 2: ()}
     if platform.startswith("x86_64-"):
         sets |= {4: ("-mavx2",), 8: ("-mavx512f", "-mavx512dq")}
     return tuple(Unit(source, (f"-DLANES={n}", *flags)) for n, flags in sets.items())

@@ -527,7 +527,7 @@ def test_intervals_are_wider_where_residuals_resemble_the_ones_before() -> None:
     assert device.wider > 1.3
     row = next(n for n in device.numbers if n.parameter == "range_std")
     sd = device.motion.coordinate("range_std")[1]
-    width = 2 * stats.norm.ppf(0.975) * sd * device.wider
+    width = 2 * stats.norm.ppf(0.975) * np.hypot(sd * device.wider, 0.02)
     assert np.log(row.high / row.low) == pytest.approx(width, rel=1e-3)
 
 
