@@ -1,6 +1,7 @@
 """Dives of many kinds, none of them the paper's own, and how receivers do in them.
 
-``python tests/physics/dives.py`` prints the table of `models/receiver/dives.md`, in a few minutes.
+``python tests/physics/dives.py`` prints the table of `models/receiver/dives.md`, in a few minutes,
+and with ``--particles`` that of a particle filter beside `coupled`, in half an hour.
 Cells with beacons on the bottom or below buoys have `long_baseline`, all others `coupled`.
 """
 
@@ -204,6 +205,8 @@ def judged(table: Any) -> tuple[float, float, float]:
 
 HEAD = ("dive", "possible", "`ekf`", "best q", "its RMS", "learned / best", "RMS", "median",
         "worst", "NEES", "> 15", "> 20 s", "`watch`: RMS", "> 15", "> 20 s")
+PARTICLES, OTHERS = 10_000, 6
+"""Of the particle filter, and runs of each cell that are not wrong."""
 LONG_S = 20.0
 """A run is beyond its claim for long above this many seconds without a break."""
 
@@ -256,6 +259,34 @@ def row(name: str, runs: int, many: int) -> tuple[str, ...]:
     )
 
 
+def filtered_twice(name: str, seeds: Sequence[int]) -> Any:
+    """RMS errors [m] and mean NEES of `coupled` and of a particle filter, (seeds, 4)."""
+    rows = []
+    for seed in seeds:
+        run = sblcosim.run(
+            scenario_of(name), "coupled",
+            {"seed": seed, "receiver.acceleration_psd_m2_s3": "learned"},
+        )
+        found = sblcosim.research.particle_filter(run, particles=PARTICLES)
+        errors = found.errors.xs("total", level="axis").xs("absolute", level="frame").rms_m
+        both = ("coupled", "particle_filter")
+        rows.append([*(errors[it] for it in both),
+                     *(found.consistency[it]["absolute"].mean_nees for it in both)])
+    return np.reshape(rows, (-1, 4))
+
+
+def beside(name: str, many: int) -> tuple[str, ...]:
+    """Cells of a row of the page's table of particles: runs with a NEES above 15, and others."""
+    above = cell(name, many, 10_001, acceleration_psd=LEARNED).nees_position.to_numpy() > 15
+    bad = (10_001 + np.flatnonzero(above)).tolist()
+    others = (10_001 + np.flatnonzero(~above))[:OTHERS].tolist()
+    cells = [name, str(len(bad))]
+    for rows in (filtered_twice(name, bad), filtered_twice(name, others)):
+        rms, rms_of_particles = (f"{pooled(rows[:, i]):.3g}" if len(rows) else "–" for i in (0, 1))
+        cells += [rms, rms_of_particles, str(int((rows[:, 3] > 15).sum())) if len(rows) else "–"]
+    return tuple(cells)
+
+
 def table(names: Sequence[str], runs: int, many: int) -> Iterator[str]:
     """Lines of the page's table, in Markdown."""
     yield f"| {' | '.join(HEAD)} |"
@@ -269,7 +300,12 @@ def main() -> None:
     arguments.add_argument("--runs", type=int, default=400)
     arguments.add_argument("--many", type=int, default=2000)
     arguments.add_argument("names", nargs="*", metavar="DIVE", help="default: all")
+    arguments.add_argument("--particles", action="store_true")
     given = arguments.parse_args()
+    if given.particles:
+        for name in given.names or [it for it in CELLS if it not in FIELDS]:
+            print(f"| {' | '.join(beside(name, given.many))} |", flush=True)
+        return
     for line in table(given.names or [*CELLS], given.runs, given.many):
         print(line, flush=True)
 

@@ -17,6 +17,7 @@ from dives import (
     LEARNED,
     LONG_S,
     cell,
+    filtered_twice,
     judged,
     scenario_of,
 )
@@ -138,6 +139,14 @@ def test_false_restarts_where_motion_is_drawn_are_rare(arm: float, watch: float)
     an_hour = restarts / (runs * duration) * 3600
     print(f"arms {arm} m, watch {watch:g}: {an_hour:.2f} restarts an hour")
     assert an_hour < 1
+
+
+def test_a_particle_filter_holds_a_run_that_late_ranges_mislead() -> None:
+    """The other is a usual one."""
+    (rms, held, nees, right), (usual, as_well, *_) = filtered_twice("late", [10_173, 10_001])
+    assert nees > 15 > 5 > right
+    assert rms > 5 > 1 > held
+    assert as_well < 1.2 * usual
 
 
 def test_a_given_density_is_reported_as_it_is() -> None:
