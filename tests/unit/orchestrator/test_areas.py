@@ -84,6 +84,18 @@ def test_cells_of_an_area(area: Any, cells: Any) -> None:
     ])  # fmt: skip
 
 
+def test_an_area_may_reach_each_of_its_limits_and_not_beyond() -> None:
+    at = {"area": "20000x20000", "depth": 11_000.0, "cells": (200, 200), "middle": (0.0, 0.0)}
+    grid = grid_of(**at)
+    assert (grid.north, grid.shape, grid.centres[0, 2]) == ((-1e4, 1e4), (200, 200), 11e3)
+    for change, words in (
+        ({"area": "20002x20000"}, "within 10 km of the platform, got 10.001 km"),
+        ({"depth": 11_001.0}, "0 to 11000 m, got 11001"), ({"cells": (200, 201)}, "40,000 in all"),
+    ):
+        with pytest.raises(ConfigurationError, match=words):
+            grid_of(**{**at, **change})
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
