@@ -11,6 +11,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
+from sblcosim.models.arrangement import arms
 from sblcosim.models.equations import Model
 from sblcosim.models.geometry import rotation
 from sblcosim.models.loading import load
@@ -23,6 +24,14 @@ from stepper import Stepper, no_noise
 
 SECOND = 10**9
 TILT, HEADING = [0, 1], [2]
+
+
+@pytest.mark.parametrize("count", range(3, 9))
+def test_arms_divide_the_circle_and_the_first_points_forward(count: int) -> None:
+    found, angle = np.array(arms(count)), 2 * pi * np.arange(count) / count
+    np.testing.assert_allclose(found, np.column_stack([np.cos(angle), np.sin(angle)]), atol=1e-15)
+    near = np.abs(found - np.rint(found)) < 1e-9
+    assert (found[near] == np.rint(found[near])).all()  # zeros and ones are exact
 
 
 @cache

@@ -14,6 +14,7 @@ import warnings
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 from zipfile import ZipFile
 
@@ -31,6 +32,7 @@ from sblcosim.errors import ConfigurationWarning
 from sblcosim.fmus.build.factory import build
 from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.declaration import DeclarationError
+from sblcosim.prepare.prepared import shortening
 from sblcosim.results.data_sheet import LEAST_RUNS as SENTENCE_RUNS
 from sblcosim.scenario.scenario import load, shipped
 from sblcosim.simulation.execution import execute
@@ -176,6 +178,15 @@ def test_a_run_that_ends_before_its_time_says_so(cli: Callable[..., Result]) -> 
     assert line in cli(*run).stdout
     assert json.loads(cli(*run, "--json").stdout)["remarks"][0].startswith(line)
     assert json.loads(cli("run", "paper-scenario-1", *SHORT, "--json").stdout)["remarks"] == []
+
+
+@pytest.mark.parametrize("start_ns", [0, 10 * 10**9])
+def test_a_run_is_shorter_by_its_duration_and_not_by_its_end(start_ns: int) -> None:
+    asked: Any = SimpleNamespace(start_ns=start_ns, stop_ns=start_ns + 94_200_000_000)
+    done: Any = SimpleNamespace(start_ns=start_ns, stop_ns=start_ns + 60_000_000_000)
+    (said,) = shortening(asked, done, 0)
+    assert said.startswith("simulated 60 of 94.2 s: a run ends with ")
+    assert shortening(asked, done, 34_200_000_000) == []
 
 
 def test_plan_takes_a_seed(cli: Callable[..., Result]) -> None:

@@ -25,6 +25,11 @@ def test_a_full_design_is_in_standard_order() -> None:
     assert design.aliases(3) == []
 
 
+def test_levels_between_the_ends_are_coded_by_their_place() -> None:
+    factor = Factor("a", (2.0, 3.0, 5.5, 10.0))
+    assert [factor.coded(it) for it in (2.0, 3.0, 5.5, 6.0, 10.0)] == [-1, -0.75, -0.125, 0, 1]
+
+
 def test_centre_points_lie_in_the_middle() -> None:
     design = full([Factor("a", (0.5, 3.5)), Factor("n", (1, 5))], centre_points=2)
     assert design.values[4:] == ((2.0, 3), (2.0, 3))

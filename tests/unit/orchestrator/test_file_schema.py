@@ -50,6 +50,18 @@ def test_they_are_schemas() -> None:
         assert '"null"' not in text
 
 
+def test_rows_may_be_flat_and_one_row_is_a_list() -> None:
+    tables = scenario_schema()["properties"]
+    points = tables["target"]["properties"]["waypoint_m"]
+    row, flat = points["anyOf"]
+    one = row["items"]
+    assert (one["type"], one["minItems"], one["maxItems"]) == ("array", 3, 3)
+    assert (flat["items"]["type"], flat["minItems"]) == ("number", 3 * row["minItems"])
+    depths = tables["acoustics"]["properties"]["profile_depth_m"]
+    assert depths["items"]["type"] == "number"
+    assert "anyOf" not in depths
+
+
 @pytest.mark.parametrize("name", shipped())
 def test_shipped_scenarios_are_valid_and_what_is_made_of_them(name: str) -> None:
     SCENARIO.validate(tomllib.loads(shipped_text(name)))

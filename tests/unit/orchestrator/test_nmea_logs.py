@@ -160,6 +160,15 @@ def test_times_go_on_after_midnight(tmp_path: Path) -> None:
     ]
 
 
+def test_a_time_before_midnight_may_come_after_it(tmp_path: Path) -> None:
+    lines = [sentence("GPZDA,000000.00,01,01,2024,00,00"), _gga("000000.50"), _gga("235959.75")]
+    log = _read(tmp_path, *lines)
+    midnight = of_date("2024-01-01T00:00:00Z")
+    assert sorted(log.fixes["GGA"].epoch_ns.tolist()) == [
+        midnight - 250_000_000, midnight + 500_000_000
+    ]
+
+
 def test_times_without_a_date_count_from_midnight(tmp_path: Path) -> None:
     log = _read(tmp_path, _gga("120000.00"))
     assert log.fixes["GGA"].epoch_ns.tolist() == [12 * 3600 * 10**9]

@@ -253,6 +253,9 @@ def test_heavy_tails_of_a_raw_response_are_said() -> None:
     found = indices(drawn, y, "ekf.error_m")
     assert found.heavy
     assert "Heavy tails: 1 % of the runs contribute " in found.text()
+    independent = y.reshape(256, -1)[:, [0, -1]]  # the others share factors with these
+    squares = np.sort((independent - independent.mean()).ravel() ** 2)
+    assert found.tail == pytest.approx(squares[-6:].sum() / squares.sum(), rel=1e-12)
     assert "; analyse the logarithm." in found.text()
     assert "analyse the logarithm" not in indices(drawn, y - y.min()).text()
     assert not of(ishigami, ANGLES, 256).heavy
