@@ -536,6 +536,20 @@ def test_outliers_do_not_move_a_clock_or_a_frame(clock: float, turn: float) -> N
     np.testing.assert_allclose(found[1].shift_m, shift, atol=0.3)
 
 
+@pytest.mark.parametrize("offset", [-86_400.0, 86_400.0, 300.0])
+def test_a_truth_of_another_time_has_a_clock_of_its_own(offset: float) -> None:
+    """Before or after the log, if meta.toml does not say it; within it, its clock is believed."""
+    log = made(seconds=400, start_s=1.7e9)
+    truth = log.truth
+    assert truth is not None
+    moved_on = replace(truth, time_ns=truth.time_ns + round(offset * 1e9))
+    estimates = Estimates(epoch_ns=truth.time_ns, position=truth.position)
+    found = aligned(replace(log, truth=moved_on), estimates)
+    assert found is not None
+    assert found[1].estimated == (abs(offset) > 400, False)
+    assert found[1].offset_s == pytest.approx(-offset if abs(offset) > 400 else 0.0, abs=0.1)
+
+
 @pytest.mark.parametrize(("frame", "rounds", "says"), [
     ("estimate", 0.8, True), ("same", 0.8, False), ("same", 2.5, True),
 ])
