@@ -58,7 +58,7 @@ export function lengthsOf(order, run, length, lengths) {
 // --- Percentiles over runs -----------------------------------------------------------------------
 
 /** Radii that hold shares of the errors of all runs [m]; see `orchestrator/judge/pooling.py`. */
-export function percentiles(lengths, shares) {
+function percentiles(lengths, shares) {
   const logs = Float64Array.from(lengths.flat(), (it) => Number.isNaN(it) ? Infinity : Math.log(it));
   let low = Infinity, high = -Infinity;
   for (const it of logs)
