@@ -24,7 +24,7 @@ from .variables import INITIALISATION
 _PRIOR = number_of(INITIALISATION, "prior")
 _MOVED = 0.1
 """A beacon that has moved by more than this fraction of its distance has been relocated."""
-_WIDE = 0.22
+_WIDE = 0.42
 """Spread across a range, as a share of its length, above which its second order says little."""
 _LARGE = 5.0
 """Standard deviation of the clock [m] above which a fix begins in the middle of the beacons."""

@@ -18,11 +18,11 @@ from ..equations import Symbols, Values
 from . import bank, lateness, least_squares
 from .measurements import DEPTH, Samples, predicted
 
-EVERY = 12.0
+EVERY = 4.0
 """Time between looks at the other side [s]."""
 _TAKES, _LEAVES = 4.0, 8.0
 """Log-likelihood ratios with which the other side takes over, and with which it is given up."""
-_PAST = 3.0
+_PAST = 4.0
 """What ranges before the latest ones say against the other side, if there are any [1]."""
 _PASSES = 2
 """Passes of a fix there: it begins close to one, or there is none."""

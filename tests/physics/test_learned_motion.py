@@ -30,7 +30,7 @@ from sblcosim.simulation.resolve import resolve
 
 from .from_the_model import dive, platform
 
-ALLOWED = {"short arms, poor ranges": 0.01, "bottom, 3 nearly on a line": 0.015}
+ALLOWED = {"short arms, poor ranges": 0.01}
 """Share of runs with a NEES above 15, where it is not that of all cells."""
 QUICK = ("short arms", "late", "4, slow turns", "bottom, 4, white", "bottom, 3, turns")
 
@@ -53,9 +53,8 @@ def test_learned_motion_is_near_the_best_density(name: str) -> None:
     beside_given(name, 60)
 
 
-# Beacons on a line leave a few runs on the wrong side, which are most of the RMS: see the tail.
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name in CELLS if name != "bottom, 3 nearly on a line"])
+@pytest.mark.parametrize("name", CELLS)
 def test_in_all_cells_learned_motion_is_near_the_best_density(name: str) -> None:
     beside_given(name, 400)
 
@@ -70,16 +69,16 @@ def test_the_tail(name: str) -> None:
     long = float((table.beyond_claim_longest_s > LONG_S).mean())
     print(f"{name}: NEES {nees:.2f}, above 15: {100 * bad:.2f} %, for long: {100 * long:.2f} %")
     assert bad <= ALLOWED.get(name, 0.01 if name in HARD else 0.002)
-    assert long <= (0.025 if name == "bottom, 3 nearly on a line" else 0.01)
+    assert long <= (0.015 if name == "bottom, 3 nearly on a line" else 0.01)
 
 
 def test_a_diver_on_the_line_of_the_beacons_is_seldom_lost_on_the_wrong_side() -> None:
     """Without a look at the other side, 8 % of the runs are, and the RMS error is 94 m."""
     rms, nees, bad = judged(cell("bottom, 3 nearly on a line", 400, acceleration_psd=LEARNED))
     print(f"{rms:.2f} m, NEES {nees:.2f}, above 15: {100 * bad:.2f} %")
-    assert rms < 15
-    assert nees < 6
-    assert bad <= 0.02
+    assert rms < 9
+    assert nees < 4
+    assert bad <= 0.01
 
 
 def matched(q: float, arm: float, duration: float = 60.0) -> sblcosim.Scenario:

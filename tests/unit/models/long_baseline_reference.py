@@ -88,7 +88,7 @@ class Reference:
                 self.cross()
             elif self.there is not None and self.lead < -8:
                 self.there = None
-            elif self.there is None and not left and enough and self.epoch - self.looked >= 12:
+            elif self.there is None and not left and enough and self.epoch - self.looked >= 4:
                 self.look(u)
 
     def advance(self, epoch: float) -> None:
@@ -153,7 +153,7 @@ class Reference:
         # The second order, faded out where the diver may be anywhere.
         P, u = self.P[np.ix_(X, X)], H[X] / length(H[X])
         bent = (np.eye(3) - np.outer(u, u)) / H[KAPPA]
-        valid = 1 / (1 + (np.trace(bent @ P) / H[KAPPA] / 0.22**2) ** 2)
+        valid = 1 / (1 + (np.trace(bent @ P) / H[KAPPA] / 0.42**2) ** 2)
         R += valid * 0.5 * np.trace(bent @ P @ bent @ P)
         return H, z - h - valid * 0.5 * np.trace(bent @ P), R
 
@@ -229,7 +229,7 @@ class Reference:
     def begin(self, u: Mapping[str, Any]) -> None:
         """Start, and look at the other side with the next samples."""
         self.fix(u)
-        self.there, self.looked, self.fresh = None, self.epoch - 12, True
+        self.there, self.looked, self.fresh = None, self.epoch - 4, True
 
     # --- The other side ---
 
@@ -296,7 +296,7 @@ class Reference:
         fixed = self.common(s, z, y, image, age, p["clock_std"], 2)
         y = fixed.place
         R = variances(x)[:-1]
-        lead = likely(y, image, R) - likely(x, v, R) - 1.5 - (0 if self.fresh else 3)
+        lead = likely(y, image, R) - likely(x, v, R) - 1.5 - (0 if self.fresh else 4)
         self.fresh = False
         if lead <= -8 or (y - x) @ (y - x) <= 1.4**2 * (spread + np.trace(fixed.P[:3, :3])):
             return
