@@ -18,6 +18,7 @@ Files in C have no such record; use ``mutate.py``.
 from __future__ import annotations
 
 import argparse
+import ast
 import json
 import os
 import random
@@ -102,7 +103,9 @@ class Record:
         executed = Counter(
             name.partition("::")[0] for names in known.values() for name in names
         )  # of the module's lines, by test file and test
-        here = set().union(*(known.get(line, ()) for line in place.lines(source)))
+        here: set[str] = set()
+        if _within_function(source, place.lines(source)):  # all imports execute the others
+            here = here.union(*(known.get(line, ()) for line in place.lines(source)))
         names = here or set().union(*known.values())
         tests = {
             test
@@ -141,6 +144,15 @@ class Record:
             tests.append(test)
         if tests:
             yield tests
+
+
+def _within_function(source: str, lines: range) -> bool:
+    """Whether a call executes some of these lines, and not the import of the module."""
+    return any(
+        max(lines.start, node.body[0].lineno) < min(lines.stop, (node.end_lineno or 0) + 1)
+        for node in ast.walk(ast.parse(source))
+        if isinstance(node, ast.FunctionDef)
+    )
 
 
 @dataclass(frozen=True)

@@ -234,7 +234,8 @@ PROJECT = {
         "from orchestrator.apart import least\ndef test_least(): assert least(1.0) == 3.5\n"
     ),
     "orchestrator/other.py": (
-        "import os, sys\n\n\ndef more(a: float) -> float:\n    return a + 2.0\n\n\n"
+        "import os, sys\nimport orchestrator.apart\n\n\n"
+        "def more(a: float) -> float:\n    return a + 2.0\n\n\n"
         "print(more(float(sys.argv[1])), flush=True)\nos._exit(0)\n"
     ),
     "tests/test_other.py": (
@@ -293,14 +294,14 @@ def test_tests_of_equations_run_before_those_that_compile(
     data.write()
     seconds = {quick: 0.1, slow: 9.0, f"{slow}_more": 8.0}
     (tmp_path / "seconds.json").write_text(json.dumps(seconds))
-    record, source = tree.Record(tmp_path), "a\nb\nc\n"
+    record, source = tree.Record(tmp_path), "def a():\n    b\n    c\n"
 
     def rounds(start: int) -> list[list[str]]:
         place = tree.Place("models/way.py", 0, tree.Mutation("sign", start, start + 1, "+"))
         return [*record.rounds(place, source, 60.0)]
 
-    assert rounds(2) == [[slow, f"{slow}_more"], [quick]]
-    assert rounds(4) == [[quick]]
+    assert rounds(source.index("b")) == [[slow, f"{slow}_more"], [quick]]
+    assert rounds(source.index("c")) == [[quick]]
 
 
 @pytest.mark.parametrize("before", ["", 'cd gone && rmdir "$PWD" && '])
