@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
-from types import NoneType, UnionType
+from types import UnionType
 from typing import Any, Literal, NamedTuple, Union, get_args, get_origin, get_type_hints
 
 _LATER: Mapping[str, Any] = {"Equations": object}
@@ -121,8 +121,6 @@ def _elements(inner: tuple[Any, ...]) -> _Fits:
 
 def _plain(hint: Any) -> _Fits:
     """Whether a value is of a class; an int is a float, and no bool is a number."""
-    if hint is None or hint is NoneType:
-        return lambda value: value is None
     if hint in (int, float):
         kinds = (int, float) if hint is float else int
         return lambda value: isinstance(value, kinds) and not isinstance(value, bool)

@@ -73,6 +73,7 @@ def requirement(error: ErrorDetails) -> tuple[str, list[str]]:
         "tuple_type": "must be an array",
         "dict_type": "must be a table",
         "model_type": "must be a table",
+        "too_long": "must have at most {max_length} values",
         "greater_than_equal": "must be at least {ge}",
         "less_than_equal": "must be at most {le}",
         "greater_than": "must be more than {gt}",

@@ -271,7 +271,7 @@ def _numbers(low: float, high: float, description: str) -> tuple[Any, Any]:
     """A key that holds a number within bounds for each point of a profile."""
     element = Annotated[float, Field(ge=low, le=high, allow_inf_nan=False)]
     several = Annotated[
-        tuple[element, ...], BeforeValidator(_as_tuple), Field(max_length=PROFILE)
+        tuple[element, ...], Field(max_length=PROFILE), BeforeValidator(_as_tuple)
     ]
     return several | None, Field(None, description=description)
 

@@ -68,6 +68,14 @@ def test_no_part_makes_another_error(make: Callable[..., Any], part: str) -> Non
     assert all("\n" not in it and len(it) < 300 for it in errors)
 
 
+def test_a_parameter_starts_with_one_of_its_choices() -> None:
+    for start in (0, 3):
+        said = rf"^x: start {start} is not one of its choices$"
+        with pytest.raises(DeclarationError, match=said):
+            Variable("x", "An x", "parameter", start=start, choices={1: "a", 2: "b", 4: "c"})
+    assert Variable("x", "An x", "parameter", start=4, choices={1: "a", 4: "c"}).starts == (4,)
+
+
 @pytest.mark.parametrize(("part", "value", "said"), [
     ("causality", "outptu", "one of 'parameter', 'input', 'output', got 'outptu'"),
     ("variability", 3, "one of 'fixed', 'continuous', 'discrete', or None, got 3"),

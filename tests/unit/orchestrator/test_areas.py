@@ -832,6 +832,19 @@ def test_no_text_of_the_figures_is_cut_off(
         assert spoiled_texts(plot(wide)[0].figure) == [], plot
 
 
+def test_lost_runs_and_standard_errors_are_mapped_in_per_cent(found: result.AreaMap) -> None:
+    lost = np.arange(found.grid.count) % 5 / 4
+    flat = of_values(found, 3.0, 3.0, 0.06)
+    errors, losses = figures.plot_certainty(
+        replace(flat, cells=flat.cells.assign(lost_share=lost))
+    )
+    bars = [ax.get_xlabel() for ax in losses.figure.axes if ax.get_label() == "<colorbar>"]
+    assert ["[%]" in label for label in bars] == [True, True]
+    np.testing.assert_allclose(errors.collections[0].get_array(), 2.0)
+    cells = np.ravel(losses.collections[0].get_array())
+    assert cells[:6].tolist() == [0, 25, 50, 75, 100, 0]
+
+
 @pytest.mark.parametrize(("limit", "words"), [(1.0, "no part"), (9.0, "all")])
 def test_only_contours_that_are_there_are_in_legend_and_on_earth(
     found: result.AreaMap, limit: float, words: str

@@ -183,6 +183,21 @@ def test_bad_argument_is_refused_by_name(argument, value):
         calibrate(**{argument: value})
 
 
+@pytest.mark.parametrize(
+    "argument", ["sound_speed", "assumed_sound_speed", "distance", "range_std", "distance_std"]
+)
+def test_a_refusal_says_whether_0_is_possible(argument):
+    with pytest.raises(ConfigurationError) as refused:
+        calibrate(**{argument: -1.0})
+    bound = str(refused.value).removeprefix(f"calibrate {argument}: must be ")
+    if bound == "at least 0, got -1.0":
+        calibrate(**{argument: 0.0}, pings=2)
+        return
+    assert bound == "more than 0, got -1.0"
+    with pytest.raises(ConfigurationError, match=f"{argument}: must be more than 0, got 0.0"):
+        calibrate(**{argument: 0.0}, pings=2)
+
+
 def test_what_takes_long_to_import_waits_until_it_is_used():
     code = "import sys, sblcosim.calibrate; sys.exit('statsmodels' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code]).returncode == 0

@@ -114,6 +114,24 @@ def test_each_damaged_line_is_reported_with_its_kind(tmp_path: Path, seed: int) 
     assert not counted
 
 
+@pytest.mark.parametrize("end", ["first", "last"])
+@pytest.mark.parametrize("few", [1, 2, 3])
+def test_a_few_far_rows_at_an_end_are_left_out_and_no_others(
+    tmp_path: Path, end: str, few: int
+) -> None:
+    head, *lines = log_samples.own()["receptions.csv"].splitlines()
+    far = range(few) if end == "first" else range(len(lines) - few, len(lines))
+    for i in far:
+        arrival, epoch, *rest = lines[i].split(",")
+        away = -50 * HOUR_NS if end == "first" else 50 * HOUR_NS
+        lines[i] = ",".join([str(int(arrival) + away), str(int(epoch) + away), *rest])
+    log = _read(tmp_path, **{"receptions.csv": "\n".join([head, *lines]) + "\n"})
+    said = [(i + 2, KINDS["future"], False) for i in far]
+    assert [(it.line, it.what, it.used) for it in log.findings] == said
+    kept = [i + 2 for i in range(len(lines)) if i not in far]
+    assert log.receptions.line.tolist() == kept
+
+
 def _read(folder: Path, **changed: str) -> Log:
     for name, text in (log_samples.own() | changed).items():
         (folder / name).write_text(text, "utf-8")

@@ -123,6 +123,44 @@ def test_every_key_has_the_bounds_type_and_text_of_its_declaration(table: str, k
         assert not readable({table: {key: value}}), value
 
 
+PROFILES = [
+    (table, key) for table, made in TABLES.items()
+    for key, schema in SCENARIO.schema["properties"][table]["properties"].items()
+    if "items" in schema and key not in made.variables
+]  # fmt: skip
+"""Keys with several numbers that are no parameters."""
+
+
+@pytest.mark.parametrize(("table", "key"), PROFILES)
+def test_each_number_of_a_profile_has_the_bounds_of_a_single_one(table: str, key: str) -> None:
+    single = SCENARIO.schema["properties"][table]["properties"][key.removeprefix("profile_")]
+    low, high = single["minimum"], single["maximum"]
+    water = {"profile_depth_m": [0.0, 5.0], "profile_temperature_C": [9.0, 8.0]}
+    for value, fits in ((low, True), (high, True), (low - 0.1, False), (high + 0.1, False)):
+        for both in ([value, low], [low, value]):
+            tables = {table: {**water, key: both}}
+            assert SCENARIO.is_valid(tables) == fits, both
+            assert readable(tables) == fits, both
+
+
+@pytest.mark.parametrize(("table", "key"), PROFILES)
+def test_a_profile_may_have_as_many_numbers_as_its_depths_and_no_more(
+    table: str, key: str
+) -> None:
+    most = SCENARIO.schema["properties"][table]["properties"]["profile_depth_m"]["maxItems"]
+
+    def tables(count: int) -> dict[str, Any]:
+        depths = [10.0 * i for i in range(most)]
+        water = {"profile_depth_m": depths, "profile_temperature_C": [9.0] * most}
+        return {table: {**water, key: [9.0] * count}}
+
+    assert SCENARIO.is_valid(tables(most))
+    assert readable(tables(most))
+    assert not SCENARIO.is_valid(tables(most + 1))
+    with pytest.raises(ConfigurationError, match=rf"{key}: must have at most {most} values, got"):
+        load({"name": "deep", **tables(most + 1)})
+
+
 def test_defaults_are_those_that_hold_without_a_key() -> None:
     made = load({})
     for name, table in TABLES.items():

@@ -25,7 +25,7 @@ from sblcosim.report.common import as_toml
 from sblcosim.report.page import PageTable
 from sblcosim.results.responses import ON_REQUEST, RESPONSES
 from sblcosim.study import again, runner, study
-from sblcosim.study.design import Factor
+from sblcosim.study.design import MOST_POINTS, Factor
 from sblcosim.study.grid import crossed, grid
 
 GPS = {"keys": ["platform.gps_grade"], "levels": ["standalone", "rtk_fixed"]}
@@ -53,6 +53,15 @@ def test_a_grid_has_all_combinations_in_standard_order() -> None:
     both = crossed(design, [Factor("sea", (2, 3))])
     assert both.values[:6] == tuple((*v, 2) for v in design.values)
     assert both.values[6:] == tuple((*v, 3) for v in design.values)
+
+
+def test_conditions_may_make_as_many_points_as_there_may_be_and_no_more() -> None:
+    points, most = 2**8, MOST_POINTS // 2**8
+    design = grid([Factor("a", tuple(range(points)))])
+    assert len(crossed(design, [Factor("sea", tuple(range(most)))]).values) == MOST_POINTS
+    got = f"at most {MOST_POINTS} points, got {points} in {most + 1} conditions"
+    with pytest.raises(ConfigurationError, match=got):
+        crossed(design, [Factor("sea", tuple(range(most + 1)))])
 
 
 @pytest.mark.parametrize("levels", [6, 400])

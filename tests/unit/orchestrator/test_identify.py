@@ -304,6 +304,19 @@ def test_a_scenario_gives_the_swings_of_what_carries_the_beacons() -> None:
     assert swings_of(sblcosim.load("gps-buoys").platform, 40.0) == ()
 
 
+def test_swings_of_one_frequency_are_one_of_the_larger_size() -> None:
+    """A turn moves a point along its arc; 6° on an arm of 3 m are a 60th of its circle."""
+    platform = sblcosim.load("realistic-dive", {
+        "platform.roll_amplitude_deg": 6.0, "platform.roll_frequency_Hz": 0.25,
+        "platform.pitch_amplitude_deg": 3.0, "platform.pitch_frequency_Hz": 0.25,
+        "platform.yaw_amplitude_deg": 6.0, "platform.yaw_frequency_Hz": 0.05,
+        "platform.surge_amplitude_m": 1.5, "platform.surge_frequency_Hz": 0.05,
+        "platform.sway_amplitude_m": 0.7, "platform.sway_frequency_Hz": 0.1,
+    }).platform  # fmt: skip
+    found = {swing.frequency: swing.amplitude for swing in swings_of(platform, 3.0)}
+    assert found == pytest.approx({0.25: 2 * np.pi * 3.0 / 60, 0.05: 1.5, 0.1: 0.7})
+
+
 # --- Devices --------------------------------------------------------------------------------------
 
 

@@ -172,6 +172,16 @@ def test_a_file_that_imports_nothing_of_the_users_is_known_by_its_bytes(tmp_path
     assert sha256 == hashlib.sha256(file.read_bytes()).hexdigest()
 
 
+@pytest.mark.parametrize("level", [1, 2, 3])
+@pytest.mark.parametrize("name", ["", "helper", "helper.deeper"])
+def test_relative_imports_are_of_the_modules_that_python_imports(name: str, level: int) -> None:
+    package, relative = "a.b.c", "." * level + name
+    meant = importlib.util.resolve_name(relative, package)
+    assert origins.absolute(name, level, package) == meant
+    for source in (f"from {relative} import x", f"import_module({relative!r})"):
+        assert meant in origins.imported(source.encode(), package)
+
+
 def test_a_file_is_run_again_when_what_it_imports_has_changed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

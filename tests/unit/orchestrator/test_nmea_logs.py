@@ -125,6 +125,19 @@ def test_the_platform_moves_under_its_fixes(tmp_path: Path) -> None:
     np.testing.assert_allclose(log.fixes["B01"].position[:, 0], [1, 41], atol=0.01)
 
 
+@pytest.mark.parametrize("wrong", [(0.0, 0.0), (ORIGIN[0], 0.0), (-33.9, 151.2)])
+def test_a_wrong_first_position_of_the_platform_is_not_the_origin(
+    tmp_path: Path, wrong: tuple[float, float]
+) -> None:
+    first = sentence(gga(0, *wrong)[1:].rpartition("*")[0])
+    log = _read(tmp_path, ZDA, first, *_ship()[1:], _gga("120001.50", north=10.0),
+                _ssb("C", "N", "M", "3.0", "7.0", "2.0", "0.5", "N", "", ""))
+    assert log.meta.place is not None
+    found = log.meta.place.latitude_deg, log.meta.place.longitude_deg
+    assert found == pytest.approx(ORIGIN, abs=1e-8)
+    np.testing.assert_allclose(log.fixes["B01"].position, [[13, 7, 2]], atol=0.01)
+
+
 def test_without_fixes_of_devices_gga_and_rmc_are_the_track(tmp_path: Path) -> None:
     lines = [
         sentence("GPRMC,120000.00,A,3636.0,N,00430.0,W,1.0,90.0,010524,,"),

@@ -431,6 +431,22 @@ def test_a_value_out_of_bounds_is_named_with_its_file(
     assert str(caught.value) == f"{path}: {where}a.range_std: must be at least 0 m, got -5.0 m"
 
 
+@pytest.mark.parametrize("given", ["", "1", "1 2", "1 2 3"])
+def test_a_parameter_has_as_many_values_as_elements(
+    given: str, fmi: int, stranger: Path, tmp_path: Path
+) -> None:
+    name, size = {2: ("offset[1]", 1), 3: ("offset", 2)}[fmi]
+    own = bound(values((name, "Float64", f'value="{given}"')))
+    path = package(tmp_path, stranger, component("a", own))
+    count = len(given.split())
+    if count == size:
+        assert settings(path)["a.offset"][:size] == tuple(map(float, given.split()))
+        return
+    with pytest.raises(ConfigurationError) as caught:
+        settings(path)
+    assert str(caught.value) == f"{path}: a.{name}: must have {size} values, got {count}"
+
+
 def test_a_parameter_of_nothing_is_warned_of(stranger2: Path, tmp_path: Path) -> None:
     path = package(
         tmp_path, stranger2, component("a", bound(values(("gian", "Real", 'value="1"'))))
@@ -1226,6 +1242,28 @@ def test_a_picture_explains_its_marks_and_keeps_long_names(
     assert name[:35] + "…" in texts
     assert whole == [name]
     assert not any(text.startswith(("Colour", "Dashed", "Dotted")) for text in texts)
+
+
+def test_boxes_hold_all_their_connectors(stranger2: Path, tmp_path: Path) -> None:
+    ways = ("now", "u[1]"), ("y[1,1]", "u[2]"), ("steps", "n"), ("was_on", "on")
+    links = "".join(link(f"a.{start}", f"{box}.{end}") for box in "bc" for start, end in ways)
+    path = package(tmp_path, stranger2, "".join(map(component, "abc")), links)
+    with opened(path) as found:
+        root = ElementTree.fromstring(svg(found, resolve(found.system)))
+    space, dots = "{http://www.w3.org/2000/svg}", 0
+    boxes: dict[str, tuple[float, float]] = {}
+    for group in root.iter(f"{space}g"):
+        frame = group.find(f"{space}rect")
+        if frame is not None:
+            top = float(str(group.get("transform")).rstrip(")").split()[1])
+            height = float(frame.get("height", "0"))
+            boxes[str(group.findtext(f"{space}text"))] = top, top + height
+            for dot in group.findall(f"{space}circle"):
+                assert 0 < float(dot.get("cy", "nan")) < height
+                dots += 1
+    assert dots == 4 + 3 + 3  # the elements of u are one
+    above, below = sorted(boxes[name] for name in "bc")
+    assert above[1] < below[0]
 
 
 def test_what_leaves_a_package_in_a_wrong_unit_is_drawn(stranger2: Path, tmp_path: Path) -> None:

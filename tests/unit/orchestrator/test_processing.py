@@ -408,6 +408,15 @@ def test_four_late_ranges_do_not_say_how_late_they_are() -> None:
         assert acoustics.outlier_mean_m == pytest.approx(expected, rel=0.1)
 
 
+def test_ranges_of_a_log_count_as_known_to_a_centimetre_at_best() -> None:
+    exact, fine, usual = (
+        settled(made(std=std, turning=1e-6)).scenario.acoustics.range_std_m
+        for std in (0.0, 0.005, 0.1)
+    )
+    assert exact == fine == 0.01
+    assert 0.05 < usual < 0.15
+
+
 @pytest.mark.parametrize("claims", [True, False])
 def test_after_a_silence_estimates_count_from_the_first_usual_claim(claims: bool) -> None:
     """The wide claim at 30 s is not after a silence; those at 203 and 204 s are, that at 206 s

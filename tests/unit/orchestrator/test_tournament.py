@@ -32,6 +32,7 @@ from sblcosim.comparison.tournament import (
 )
 from sblcosim.comparison.tournament.run import RESPONSE, Tournament, evaluate
 from sblcosim.comparison.tournament.sentences import reached, would_decide
+from sblcosim.comparison.tournament.worst import worst_run
 from sblcosim.errors import ConfigurationError
 from sblcosim.fmus.build import factory
 from sblcosim.judge.consistency import of_runs
@@ -262,6 +263,20 @@ def test_too_few_runs_are_said_with_the_number_that_is_missing() -> None:
     assert line in more
 
 
+@pytest.mark.parametrize(("missing", "least"), [
+    ("no verdict", 7), ("no bound for 95 % of the runs", 59), ("no interval of a mean from", 72),
+])  # fmt: skip
+def test_with_as_many_runs_as_are_needed_nothing_is_missing(missing: str, least: int) -> None:
+    table = runs_of({name: noise(i, 1.0 + i) for i, name in enumerate("abc")})
+    few, enough = (
+        evaluate({"x": table.head(runs)}, {**SETTINGS, "runs": runs}).text(verbose=True)
+        for runs in (least - 1, least)
+    )
+    (line,) = [line for line in few.splitlines() if line.startswith(missing)]
+    assert line.endswith(f": {least} are needed, 1 more")
+    assert missing not in enough
+
+
 def test_columns_of_which_nothing_is_known_are_left_away() -> None:
     few = {name: table.head(8) for name, table in (
         (name, made_up().table.query("scenario == @name")) for name in ("near", "far")
@@ -434,6 +449,13 @@ def test_receivers_in_python_take_part_and_one_that_is_silent_is_named(tmp_path:
     assert np.isfinite(it.level("harbour-square", "Fix")["mean"])
     assert it.manifest()["comparison"]["receivers"][1]["python"] == "own.py:Fix"
     assert str(tmp_path) not in json.dumps(it.manifest())
+
+
+def test_no_run_is_repeated_of_a_receiver_that_always_failed() -> None:
+    it = evaluate({"x": runs_of({"a": np.full(RUNS, np.nan)})}, SETTINGS)
+    with pytest.raises(ConfigurationError) as refused:
+        worst_run(it)
+    assert str(refused.value) == "replay: must be of a run in which a gives estimates, got none"
 
 
 def test_a_response_of_the_user_is_compared(tmp_path: Path) -> None:
