@@ -203,6 +203,16 @@ def test_a_study_says_what_came_out_and_what_is_missing(place: Path) -> None:
     assert still["estimate"]["seconds_from"] >= 0
 
 
+def test_a_study_says_the_share_of_inconsistent_runs_if_asked(place: Path) -> None:
+    runs = sblcosim.study.store.table(place / "s")
+    lines = cli(*CASES["study"](place), "--verbose").stdout.splitlines()
+    for name in ("ekf", "coupled"):
+        share = float(runs[f"{name}.inconsistent"].astype(float).mean())
+        said = next(i for i, line in enumerate(lines) if line.startswith(f"{name}: "))
+        assert lines[said + 1] == f"  {100 * share:.0f} % of its runs inconsistent"
+    assert "inconsistent" not in cli(*CASES["study"](place)).stdout
+
+
 def test_an_analysis_names_effects_and_means(place: Path) -> None:
     effects = json.loads(cli(*CASES["analyse"](place), "--json").stdout)
     assert effects["effects"][0]["term"] == "gps"
