@@ -156,7 +156,7 @@ def settled(
         _check_differences(log, None)
         given = load(rough(log, arrangement, slots, straight, step_ns, origin), overrides)
         said = (
-            f"usual values; range noise {meters(_scatter(straight))}, from straight lines through "
+            f"usual values; range noise {meters(_noise(straight))}, from straight lines through "
             "short windows of the log"
         )
     _check_ticks(log, step_ns)
@@ -212,9 +212,9 @@ def _alike(log: Log, straight: windows.Lines) -> float:
     return resemblance(beacon[inside], straight.residual[inside] / straight.scatter)
 
 
-def _scatter(straight: windows.Lines | None) -> float:
-    """Of the ranges about straight lines [m]; 1 m if it is not known."""
-    return (straight.scatter if straight is not None else None) or 1.0
+def _noise(straight: windows.Lines | None) -> float:
+    """Scatter of the ranges about straight lines, at least `_LEAST_STD` [m]; 1 m if not known."""
+    return max((straight.scatter if straight is not None else None) or 1.0, _LEAST_STD)
 
 
 def _late_mean(straight: windows.Lines | None, std: float) -> float:
@@ -391,7 +391,7 @@ def rough(
             platform["mounting_std_m"] = min(ROUGH["mounting_std_m"], off)
         else:
             platform |= {"gps_shared": False, "gps_grade": "sbas"}
-    std = max(_scatter(straight), _LEAST_STD)
+    std = _noise(straight)
     types = {"platform": "coupled", "fixed": "long_baseline", "buoys": "long_baseline"}
     type_ = types[arrangement] if len(log.beacons) <= slots else "sequential"
     receiver: dict[str, Any] = {"type": type_}

@@ -409,12 +409,11 @@ def test_four_late_ranges_do_not_say_how_late_they_are() -> None:
 
 
 def test_ranges_of_a_log_count_as_known_to_a_centimetre_at_best() -> None:
-    exact, fine, usual = (
-        settled(made(std=std, turning=1e-6)).scenario.acoustics.range_std_m
-        for std in (0.0, 0.005, 0.1)
-    )
+    found = [settled(made(std=std, turning=1e-6)) for std in (0.0, 0.005, 0.1)]
+    exact, fine, usual = (it.scenario.acoustics.range_std_m for it in found)
     assert exact == fine == 0.01
     assert 0.05 < usual < 0.15
+    assert all("range noise 0.010 m, " in it.said for it in found[:2])
 
 
 @pytest.mark.parametrize("claims", [True, False])
