@@ -21,8 +21,8 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from sblcosim.models.receiver.surroundings import NEAREST, WIDEST
 
+from ..data import bearing
 from ..data.estimates import Estimates
 from ..data.samples import Samples
 from ..words.shares import percent
@@ -77,11 +77,6 @@ def _stretches(samples: Samples, unfit: Floats, square: Floats) -> Iterator[str]
 
 
 def _bearing(filtered: Estimates) -> Iterator[str]:
-    y, P = filtered.relative_position, filtered.covariance
-    if y is None or P is None or not len(filtered):
-        return
-    radius = np.maximum(np.linalg.norm(y[:, :2], axis=1), NEAREST)
-    across = np.column_stack([-y[:, 1], y[:, 0]]) / radius[:, None]
-    variance = np.einsum("ni,nij,nj->n", across, P[:, ::2, ::2][:, :2, :2], across) / radius**2
-    if np.median(variance) > WIDEST:
+    unknown = bearing.is_unknown(filtered)
+    if unknown is not None and len(unknown) and unknown.mean() > 0.5:
         yield "the diver's bearing from the platform is unknown in most of the run"

@@ -6,17 +6,22 @@ such as that of a clock, may move the estimate and leave no residuals.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from itertools import combinations
 
 import numpy as np
 import pandas as pd
 
+from ..data import bearing
 from ..data.estimates import Estimates, Flags, Floats, Integers
 from ..data.samples import Samples
+from ..words.shares import percent
 from .columns import ERRORS
 from .definitions import horizontal_square, square_of
 from .metrics import of_chi_square
+
+OFTEN = 0.05
+"""Share of a receiver's estimates with an unknown bearing, above which it is said."""
 
 
 def residuals(estimates: Estimates, samples: Samples, body: Floats | None = None) -> pd.DataFrame:
@@ -124,3 +129,21 @@ def between(estimates: Estimates, epoch_ns: Integers) -> tuple[Flags, Floats]:
 def _row(values: Floats) -> dict[str, float]:
     median = float(np.median(values)) if len(values) else np.nan
     return {**ERRORS.row(values), "median_m": median}
+
+
+def unknown_bearings(estimates: Mapping[str, Estimates]) -> Iterator[str]:
+    """A sentence on each receiver that often does not know the bearing.
+
+    Parameters
+    ----------
+    estimates
+        By the names of the receivers.
+    """
+    for name, own in estimates.items():
+        unknown = bearing.is_unknown(own)
+        if unknown is not None and len(unknown) and unknown.mean() > OFTEN:
+            yield (
+                f"{name} does not know the diver's bearing from the platform in "
+                f"{percent(float(unknown.mean()))} of its estimates: there, the ranges fit on a "
+                "whole ring or in several places, and its position is one or a mean of these"
+            )

@@ -16,7 +16,7 @@ from ..answer import Answer
 from ..catalogue import Figure, Job, by_name, jobs
 from ..data.estimates import Estimates
 from ..data.truth import Truth
-from ..judge.without_truth import agreement
+from ..judge.without_truth import agreement, unknown_bearings
 from ..lazy import Module
 from ..logs.log import Log
 from ..paths import folder as path_files
@@ -215,7 +215,8 @@ class Processed(Answer):
     @property
     def remarks(self) -> list[str]:
         """What was found in the log, where settings are from, and how the truth was aligned."""
-        return [*self.log.counted(), *self.log.remarks, *self.said, *self._apart()]
+        own = (*self.log.remarks, *self.said, *self._apart())
+        return [*self.log.counted(), *own, *unknown_bearings(self.made)]
 
     def _apart(self) -> list[str]:
         """A remark on what is not compared, as its axes differ."""

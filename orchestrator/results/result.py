@@ -22,6 +22,7 @@ from ..errors import ConfigurationError
 from ..judge import metrics, possible
 from ..judge.columns import TABLES
 from ..judge.consistency import NEES_COLUMNS, Verdict, of_runs
+from ..judge.without_truth import unknown_bearings
 from ..lazy import Module
 from ..paths import folder as path_files
 from ..paths.diver_path import DiverPath, of_estimates, of_truth
@@ -153,7 +154,8 @@ class Result(Answer):
         """Remarks on the run, as sentences."""
         path = None if self.limits is None else self.limits.acceleration_psd
         own = () if path is None else too_lively(self.motion, self.origins, path)
-        return [*self.description.remarks, *own]
+        judged = {name: it.estimates for name, it in self.judged.items()}
+        return [*self.description.remarks, *own, *unknown_bearings(judged)]
 
     @cached_property
     def motion(self) -> dict[str, Motion]:
