@@ -126,7 +126,7 @@ def test_better_ranges_are_never_worse(changes: Mapping[str, Any]) -> None:
     rms, nees, anew = zip(*found, strict=True)
     assert sorted(rms) == list(rms)
     assert max(nees) < 3.6  # 3 expected; the lanes are not drawn from the model
-    assert max(anew) < 0.05
+    assert max(anew) < 0.08  # in ten minutes; with a look at the other side every 4 s
 
 
 def test_errors_of_buoys_are_their_own() -> None:
