@@ -25,6 +25,10 @@ def main() -> None:
 
         print(stopped_line(stop), file=sys.stderr)
         sys.exit(stopped(stop))
+    finally:
+        # With `-m`, CPython ends by the signal, and not with our code, if the last text that was
+        # executed was interrupted, such as the methods of a dataclass during an import.
+        exec("")
 
 
 def _open_all() -> None:

@@ -221,6 +221,23 @@ def test_a_signal_ends_a_command(tmp_path: Path, name: str, number: int, group: 
     check(place, command, number, code, err)
 
 
+def test_the_code_is_ours_if_an_executed_text_was_interrupted(tmp_path: Path) -> None:
+    """As the methods of a dataclass, which an import makes from a text."""
+    (tmp_path / "interrupted.py").write_text(
+        "import sblcosim.cli.common.outcome\n"
+        "from sblcosim.__main__ import main\n"
+        "def command(): exec('raise KeyboardInterrupt')\n"
+        "sblcosim.cli.main = command\n"
+        "main()\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-m", "interrupted"], cwd=tmp_path, capture_output=True, text=True,
+        check=False,
+    )  # fmt: skip
+    assert done.stderr == "interrupted; nothing was written\n"
+    assert done.returncode == CODES[signal.SIGINT]
+
+
 @pytest.mark.parametrize("number", CODES)
 def test_a_signal_ends_the_compilers(tmp_path: Path, number: int) -> None:
     place = place_of(tmp_path)
