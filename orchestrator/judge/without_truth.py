@@ -142,8 +142,9 @@ def unknown_bearings(estimates: Mapping[str, Estimates]) -> Iterator[str]:
     for name, own in estimates.items():
         unknown = bearing.is_unknown(own)
         if unknown is not None and len(unknown) and unknown.mean() > OFTEN:
+            share = percent(float(unknown.mean()), ".0f")
             yield (
-                f"{name} does not know the diver's bearing from the platform in "
-                f"{percent(float(unknown.mean()))} of its estimates: there, the ranges fit on a "
-                "whole ring or in several places, and its position is one or a mean of these"
+                f"{name} does not know the diver's bearing from the platform in {share} of its "
+                "estimates: there, the ranges fit on a whole ring or in several places, and its "
+                "position is one or a mean of these"
             )

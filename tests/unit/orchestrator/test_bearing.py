@@ -50,7 +50,7 @@ def test_it_is_said_of_a_receiver_that_often_does_not_know_it() -> None:
     said = [*unknown_bearings({"a": known, "b": some[2], "c": some[3], "d": without, "e": none,
                               "f": unknown})]
     assert [it.partition(" ")[0] for it in said] == ["c", "f"]
-    assert "in 7.5 % of its estimates" in said[0]
+    assert "in 8 % of its estimates" in said[0]
     assert "in 100 % of its estimates" in said[1]
 
 
