@@ -103,9 +103,9 @@ class Record:
         executed = Counter(
             name.partition("::")[0] for names in known.values() for name in names
         )  # of the module's lines, by test file and test
-        here: set[str] = set()
-        if _within_function(source, place.lines(source)):  # all imports execute the others
-            here = here.union(*(known.get(line, ()) for line in place.lines(source)))
+        lines = place.lines(source)
+        called = _within_function(source, lines)  # all imports execute the others
+        here = set().union(*(known.get(line, ()) for line in lines)) if called else set()
         names = here or set().union(*known.values())
         tests = {
             test

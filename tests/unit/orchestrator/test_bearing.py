@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import cos, sin
+from pathlib import Path
 
 import numpy as np
 import pytest
 import sblcosim
+from made_logs import written
+from sblcosim import process
 from sblcosim.data import bearing
 from sblcosim.data.estimates import Estimates
 from sblcosim.judge.without_truth import unknown_bearings
@@ -54,9 +57,9 @@ def test_it_is_said_of_a_receiver_that_often_does_not_know_it() -> None:
     assert "in 100 % of its estimates" in said[1]
 
 
-def test_a_run_and_a_log_say_it() -> None:
+def test_a_run_and_its_log_say_it(tmp_path: Path) -> None:
     """Three beacons on short arms, of which most packets are lost: the diver is on a ring."""
-    run = sblcosim.run("paper-scenario-1", "coupled", {
+    run, log = written(tmp_path, "paper-scenario-1", "coupled", overrides={
         "seed": 1, "platform.beacons": 3, "platform.arm_length_m": 0.3, "time.duration_s": 120.0,
         "acoustics.range_std_m": 3.0, "acoustics.loss_probability": 0.8,
         "time.sampling_time_s": 1.0,
@@ -64,5 +67,6 @@ def test_a_run_and_a_log_say_it() -> None:
     (said,) = (it for it in run.remarks if "bearing" in it)
     assert said.startswith("coupled does not know the diver's bearing from the platform in ")
     assert said in str(run)
+    assert [it for it in process(log, ["coupled"]).remarks if "bearing" in it] == [said]
     usual = sblcosim.run("paper-scenario-1", "coupled", {"seed": 1, "time.duration_s": 60.0})
     assert not any("bearing" in it for it in usual.remarks)
