@@ -26,6 +26,7 @@ from sblcosim.identification.device import (
     device_of,
     rounds,
 )
+from sblcosim.identification.fit import fit
 from sblcosim.identification.innovations import (
     MOST_BEACONS,
     OFFSET,
@@ -157,6 +158,19 @@ def test_a_turn_between_two_ranges_is_one_of_two_hypotheses() -> None:
     shown = evaluate(line(values, time), p, 2).by_range["turn"][0, 1]
     assert shown == pytest.approx(chance * stats.multivariate_normal.pdf(
         values, np.zeros(2), turned) / np.exp(exact), abs=1e-3)
+
+
+@pytest.mark.parametrize(("std", "psd"), [(0.05, 3.0), (2.0, 0.3), (0.02, 30.0)])
+def test_what_is_fitted_does_not_depend_on_the_first_guess_of_the_noise(
+    std: float, psd: float
+) -> None:
+    rng = np.random.default_rng(8)
+    time = np.cumsum(rng.uniform(0.3, 1.5, 150))
+    values = rng.multivariate_normal(np.zeros(150), covariance(time, std, psd))
+    found = [
+        fit(line(values, time), guess, late=False, walk=False) for guess in (0.003, 0.03, 0.3, 3.0)
+    ]
+    assert np.ptp([it.likelihood for it in found]) < 0.01
 
 
 def test_the_smooth_path_is_that_of_the_dense_problem() -> None:
@@ -544,6 +558,28 @@ def test_intervals_are_wider_where_residuals_resemble_the_ones_before() -> None:
     assert np.log(row.high / row.low) == pytest.approx(width, rel=1e-3)
 
 
+def with_corners(seed: int, walk: float, sinks: float = 0.0) -> Samples:
+    """A diver who turns every 75 s, and whose depth does so, too; offsets of beacons may walk."""
+    rng, number = np.random.default_rng(seed), np.arange(300)
+    angle = rng.uniform(0, 2 * np.pi, 4)[number // 75]
+    track = np.column_stack([
+        np.cumsum(0.5 * np.cos(angle)), np.cumsum(0.5 * np.sin(angle)),
+        8.0 + sinks * np.abs(number % 150 - 75),
+    ])  # fmt: skip
+    one = heard()
+    far = np.linalg.norm(track - BEACONS[one.beacon], axis=1) + 0.1 * rng.normal(size=300)
+    depth = track[:, 2] + 0.05 * rng.normal(size=300)
+    walks = walk * np.random.default_rng(seed + 50).normal(size=(300, 4)).cumsum(axis=0)
+    return replace(one, range=far + walks[number, one.beacon], depth=depth)
+
+
+def test_what_looks_like_a_walk_may_have_been_the_turns() -> None:
+    """A walk explains much without turns, and little with them."""
+    for seed, walk, expected in ((11, 0.01, NOT), (2, 0.012, YES)):
+        told = {n.parameter: n.told for n in device_of(with_corners(seed, walk)).numbers}
+        assert (told["turn_std"], told["range_walk"]) == (YES, expected)
+
+
 def devices() -> dict[str, Samples]:
     """Of several kinds, and at the limits of what can be told."""
     one, number = heard(), np.arange(300)
@@ -563,6 +599,8 @@ def devices() -> dict[str, Samples]:
         "own places": replace(one, position=one.position + 0.4 * np.sin(
             number / 20 + one.beacon)[:, None]),
         "poses": replace(one, has_pose=np.ones(300, bool), attitude=turned),
+        "corners": with_corners(11, 0.01),
+        "corners of the depth": with_corners(3, 0.0, sinks=0.2),
     }  # fmt: skip
 
 
