@@ -519,6 +519,7 @@ def test_ranges_tell_how_well_places_of_beacons_are_known(std: float, offset: fl
 
 @pytest.mark.parametrize("log", [
     pytest.param(lambda: placed(0.3, 1, seconds=40, std=0.5), id="few ranges"),
+    pytest.param(lambda: placed(0.3, 1, seconds=80, std=0.5), id="to a factor of three"),
     pytest.param(lambda: on_a_boat(seconds=300), id="boat"),
 ])  # fmt: skip
 def test_where_they_do_not_tell_it_the_assumed_value_stays(log: Any) -> None:
@@ -673,6 +674,25 @@ def test_of_a_short_log_the_answer_claims_only_what_is_told() -> None:
         "The log does not tell the noise of a range; late ranges: not in this log."
     )
     assert "too few positions" in numbers(answer)["gps_std"].explanation
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_number_of_the_gps_is_told_if_it_is_known_to_a_factor_below_three(seed: int) -> None:
+    """Of 90 positions whose slow part changes within seconds; intervals are of 95 %."""
+    wanders = wandering(seed, 0.1, 0.15, 2.5, n=300)[:90]
+    one = heard()
+    device = device_of(Samples(
+        0, one.depth_ns, one.depth, one.range_ns[:90], one.beacon[:90], one.range[:90],
+        np.ones(90, bool), np.column_stack([wanders - 30.0, np.zeros(90)]), np.zeros((90, 3)),
+    ), BEACONS)  # fmt: skip
+    rows = [n for n in device.numbers if n.parameter.startswith("gps")]
+    factor = {n.parameter: np.sqrt(n.high / n.low) for n in rows}
+    most = np.exp(stats.norm.ppf(0.975) * 0.5)
+    assert all(factor[n.parameter] < most for n in rows if n.told == YES)
+    untold = [n for n in rows if "only known to a factor of" in n.explanation]
+    assert [n.parameter for n in untold] == ["gps_correlation_time"]
+    assert untold[0].explanation.endswith(f"a factor of {factor['gps_correlation_time']:.2g}")
+    assert untold[0].told == NOT
 
 
 def test_a_share_of_late_ranges_without_their_mean_is_not_simulated() -> None:
