@@ -376,12 +376,7 @@ def _output(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Values:
     mean, P = bank.estimate(p, x, 0, KEPT)
     kept = list(KEPT)
     there, P_there = x.mean[bank.EXTRA, :].T, unpack(x.covariance[bank.EXTRA, :].T, mean.numel())
-    share, off = mirror.share(x), there - mean
-    mean = ca.if_else(x.other, mean + share * off, mean)
-    P = ca.if_else(
-        x.other, P[kept, kept] + share * (P_there[kept, kept] - P[kept, kept])
-        + share * (1 - share) * (off[kept] @ off[kept].T), P[kept, kept],
-    )
+    mean, P = mirror.both(x, mean, P[kept, kept], there, P_there[kept, kept])
     return {
         **estimate.outputs(x, mean[: estimate.STATES], P),
         **estimate.of_clock(p, x, mean[CLOCK], mean[SPEED]),

@@ -26,6 +26,9 @@ _PAST = 4.0
 """What ranges before the latest ones say against the other side, if there are any [1]."""
 _PASSES = 2
 """Passes of a fix there: it begins close to one, or there is none."""
+_INDEPENDENT = 0.4
+"""Share of a log-likelihood ratio that counts in a claim: ranges have errors in common, of the
+speed of sound and of the survey."""
 _FITTED = 1.5
 """What a fix gains on average by fitting three coordinates to its own samples [1]."""
 _APART = 1.4
@@ -46,9 +49,28 @@ def initial(t: Any) -> Values:
             "fresh": 0, "begun": 0}
 
 
-def share(x: Symbols) -> Any:
-    """Probability that the diver is on the other side."""
-    return x.other / (1 + ca.exp(-x.lead))
+def share(x: Symbols, counts: float = 1.0) -> Any:
+    """Probability that the diver is on the other side, if a share of what the ranges say counts."""
+    return x.other / (1 + ca.exp(-counts * x.lead))
+
+
+def both(x: Symbols, mean: Any, P: Any, there: Any, P_there: Any) -> tuple[Any, Any]:
+    """Mean, and second moments about it as the claim has them, of both sides together.
+
+    Parameters
+    ----------
+    mean, P
+        Of the bank, (n, 1), and the covariance of its first states, (k, k).
+    there, P_there
+        The same on the other side.
+    """
+    own, claimed, off = share(x), share(x, _INDEPENDENT), there - mean
+    first = off[: P.shape[0]]
+    apart = (1 - claimed) * own**2 + claimed * (1 - own) ** 2
+    return (
+        ca.if_else(x.other, mean + own * off, mean),
+        ca.if_else(x.other, P + claimed * (P_there - P) + apart * (first @ first.T), P),
+    )
 
 
 def settled(

@@ -69,7 +69,7 @@ def test_the_tail(name: str) -> None:
     long = float((table.beyond_claim_longest_s > LONG_S).mean())
     print(f"{name}: NEES {nees:.2f}, above 15: {100 * bad:.2f} %, for long: {100 * long:.2f} %")
     assert bad <= ALLOWED.get(name, 0.01 if name in HARD else 0.002)
-    assert long <= (0.015 if name == "bottom, 3 nearly on a line" else 0.01)
+    assert long <= 0.01
 
 
 def test_a_diver_on_the_line_of_the_beacons_is_seldom_lost_on_the_wrong_side() -> None:

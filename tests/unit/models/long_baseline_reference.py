@@ -384,10 +384,10 @@ class Reference:
         mean, P = self.mean[:6], self.P[:6, :6]
         clock, speed = self.mean[BETA], self.mean[KAPPA]
         if self.there is not None:
-            share = 1 / (1 + np.exp(-self.lead))
+            share, claim = (1 / (1 + np.exp(-k * self.lead)) for k in (1, 0.4))
             there, P_there = self.there.mean[:6], self.there.P[:6, :6]
             both = (1 - share) * mean + share * there
-            P = (1 - share) * (P + np.outer(mean - both, mean - both)) + share * (
+            P = (1 - claim) * (P + np.outer(mean - both, mean - both)) + claim * (
                 P_there + np.outer(there - both, there - both))
             mean = both
             clock, speed = (
