@@ -15,6 +15,7 @@ import pytest
 from sblcosim.fmus.build import compiler
 from sblcosim.fmus.platforms import PLATFORMS, in_folders, this_platform
 from sblcosim.models import COMPONENTS
+from sblcosim.models.ports import BEACONS
 from sblcosim.scenario.tracks import FOLLOWERS
 
 ROOT = Path(__file__).parents[2]
@@ -132,9 +133,13 @@ def test_release_is_a_wheel_for_each_platform_with_fmus_for_all(tmp_path: Path) 
     for tag, path in wheels.items():
         with zipfile.ZipFile(path) as archive:
             ready = [Path(n) for n in archive.namelist() if n.startswith("sblcosim/fmus/ready/")]
-            drivers = {p.name for p in ready if p.suffix not in (".fmu", ".sha256")}
+            drivers = {p.name for p in ready if p.suffix not in (".fmu", ".sha256", ".wasm")}
             loops = ("native", "lanes_master", "replay", "innovations", "bound")
             assert drivers == {n + suffixes[tag[:3]] for n in loops}
+            numbers = range(BEACONS.least, BEACONS.most + 1)
+            modules = [f"beacons_{n}_lanes_{lanes}" for n in numbers for lanes in (1, 2)]
+            modules += ["bound", *("settings" for _ in numbers)]
+            assert sorted(p.stem for p in ready if p.suffix == ".wasm") == sorted(modules)
             fmus = [p for p in ready if p.suffix == ".fmu"]
             names = [*COMPONENTS, *(
                 f"{name}{points}" for name, it in FOLLOWERS.items() for points in it.capacities[1:]
