@@ -306,6 +306,26 @@ def test_each_range_is_played_once_and_in_its_order() -> None:
     assert (given.time_ns[given.tick] >= arrival).all()
 
 
+STEPS_NS = [s * 10**n for n in range(6, 11) for s in (1, 2, 5)][:-2]
+"""1, 2 or 5 · 10ⁿ, from a millisecond to 10 s."""
+
+
+@pytest.mark.parametrize("spacing_ns", [
+    *STEPS_NS, *(round(1.3 * it) for it in STEPS_NS), *(it - 1000 for it in STEPS_NS), 37 * 10**9,
+])  # fmt: skip
+def test_receptions_have_ticks_of_their_own_1_2_or_5_times_a_power_of_ten_apart(
+    spacing_ns: int,
+) -> None:
+    """The largest step that is no longer than the time between receptions."""
+    log = made(seconds=40, speed=0.01)
+    ns = spacing_ns * np.arange(1, 41)
+    heard = replace(log.receptions, arrival_ns=ns, epoch_ns=ns)
+    ready = settled(replace(log, receptions=heard, depth_ns=ns, truth=None))
+    expected = max([it for it in STEPS_NS if it <= spacing_ns], default=STEPS_NS[0])
+    assert ready.interval_ns == expected
+    assert ready.scenario.time.sampling_time_s == pytest.approx(expected / 1e9)
+
+
 def bare(folder: Path, scenario: str, **keys: Any) -> Log:
     """The log of a simulated dive as a device would have written it: without settings and start."""
     _, log = written(folder, scenario, ["sequential"], overrides=keys)
