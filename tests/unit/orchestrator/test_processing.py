@@ -598,6 +598,29 @@ def test_the_clock_of_a_truth_is_found_however_little_it_overlaps(offset: float)
     assert found[1].offset_s == pytest.approx(-offset, abs=0.1)
 
 
+@pytest.mark.parametrize("offset", [0.0, 3.0, -40.0])
+@pytest.mark.parametrize("first", [100, 4700])
+def test_the_clock_of_a_truth_of_hours_is_looked_for_near_its_own(
+    first: int, offset: float
+) -> None:
+    """A logger that ran long before or after the dive: its middle is far from that of the log."""
+    time = np.arange(5000) * 10**9
+    angle = 2e-4 * np.arange(5000.0)
+    path = 500 * np.column_stack([np.sin(angle), 1 - np.cos(angle), 0 * angle])
+    log = made(seconds=200, start_s=float(first))
+    its_own = log.meta.clock.truth.model_copy(update={"offset_s": "estimate"})
+    meta = log.meta.model_copy(
+        update={"clock": log.meta.clock.model_copy(update={"truth": its_own})}
+    )
+    truth = Truth(time_ns=time - round(offset * 1e9), position=path)
+    part = slice(first, first + 200)
+    found = aligned(
+        replace(log, truth=truth, meta=meta), Estimates(epoch_ns=time[part], position=path[part])
+    )
+    assert found is not None
+    assert found[1].offset_s == pytest.approx(offset, abs=0.1)
+
+
 @pytest.mark.parametrize(("frame", "rounds", "says"), [
     ("estimate", 0.8, True), ("same", 0.8, False), ("same", 2.5, True),
 ])
