@@ -204,7 +204,7 @@ def test_a_start_is_the_same_wherever_the_zero_of_the_map_is(moved: tuple[float,
     place, down = beacons[beacon], np.full(6, 8.0)
     ranges = np.linalg.norm(np.column_stack([track, down]) - place, axis=1)
     ranges += [-0.1, -0.2, 0.0, 0.1, 40.1, 0.0]
-    at, _ = start(time, beacon, ranges, place + [*moved, 0.0], down, 0.1)
+    at, _ = start(time, beacon, ranges, place + np.array([*moved, 0.0]), down, 0.1)
     assert at - [*moved, 0.0, 0.0] == pytest.approx([46.047, -44.449, -0.470, -0.726], abs=2e-3)
 
 
