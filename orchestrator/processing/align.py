@@ -89,10 +89,11 @@ def aligned(log: Log, estimates: Estimates) -> tuple[Truth, Alignment] | None:
     by_frame = log.meta.frame.truth == "estimate"
     offset = 0.0 if by_clock else float(stated)
     alignment = Alignment(offset, estimated=(by_clock, by_frame))
-    if (by_clock or by_frame) and len(estimates) >= _LEAST:
-        alignment = _estimated(truth, estimates, alignment)
-    elif by_clock or by_frame:
-        return None
+    if by_clock or by_frame:
+        fitted = _estimated(truth, estimates, alignment) if len(estimates) >= _LEAST else None
+        if fitted is None:
+            return None
+        alignment = fitted
     return moved(truth, alignment), alignment
 
 
@@ -120,14 +121,14 @@ def _overlaps(truth: Truth, log: Log) -> bool:
     return common > 0.1 * min(last - first, log.stop_ns - log.start_ns)
 
 
-def _estimated(truth: Truth, estimates: Estimates, begin: Alignment) -> Alignment:
-    """The alignment with the smallest robust distance between truth and estimates."""
+def _estimated(truth: Truth, estimates: Estimates, begin: Alignment) -> Alignment | None:
+    """The alignment with the smallest robust distance between truth and estimates.
+
+    None if too few estimates are within the truth with any.
+    """
     at = estimates.epoch_ns / SECOND
     zero = at[0]
     times = truth.time_ns / SECOND - zero
-    middle = 0.0
-    if begin.estimated[0] and not (times[0] <= at[-1] - zero and times[-1] >= 0):
-        middle = float((at[-1] - zero) / 2 - (times[0] + times[-1]) / 2)
 
     def fitted(offset: float) -> tuple[float, float, Floats]:
         asked = at - zero - offset
@@ -143,6 +144,9 @@ def _estimated(truth: Truth, estimates: Estimates, begin: Alignment) -> Alignmen
 
     offset, found = begin.offset_s, []
     if begin.estimated[0]:
+        middle = 0.0
+        if not np.isfinite(fitted(0.0)[0]):  # too few estimates are within the truth
+            middle = float((at[-1] - zero) / 2 - (times[0] + times[-1]) / 2)
         reach = min(_WIDEST_S, 0.7 * float(np.ptp(times)))
         for _ in range(4):
             grid = middle + np.linspace(-reach, reach, _STEPS)
@@ -151,6 +155,8 @@ def _estimated(truth: Truth, estimates: Estimates, begin: Alignment) -> Alignmen
             reach *= 4 / _STEPS
         offset = middle
     least, turn, shift = fitted(offset)
+    if not np.isfinite(least):
+        return None
     alike = None
     if found:
         others = _others(*found[0], offset, _NEARLY * least, lambda o: fitted(o)[0])

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from decimal import Decimal, getcontext
 from typing import Any
 
+import casadi as ca
 import pytest
 from sblcosim.models.platform.variables import COMPONENT as PLATFORM
 from sblcosim.models.settings import either, exact
@@ -107,6 +108,19 @@ def test_equal_expressions_are_one() -> None:
 def test_what_could_change_a_bit_or_hide_a_choice_is_refused(use: Callable[[Any], Any]) -> None:
     with pytest.raises(TypeError, match=r"multiply|where"):
         use(X)
+
+
+@pytest.mark.parametrize(("value", "positive", "expected"), [
+    (3.0, 2.0, 1.5), (-3.0, 2.0, -1.5), (0.0, 5.0, 0.0), (3.0, 1e-300, 3e300),
+    (3.0, 0.0, 1.0), (0.0, 0.0, 1.0), (3.0, -2.0, 1.0), (-3.0, -2.0, 1.0),
+])  # fmt: skip
+def test_a_ratio_to_what_is_not_positive_is_one(
+    value: float, positive: float, expected: float
+) -> None:
+    """Of numbers, and of symbols of CasADi; the same with expressions is what numbers give."""
+    assert either.ratio(value, positive) == expected
+    x, y = ca.SX.sym("x"), ca.SX.sym("y")
+    assert float(ca.Function("f", [x, y], [either.ratio(x, y)])(value, positive)) == expected
 
 
 def test_what_needs_an_unknown_value_is_unknown() -> None:

@@ -9,9 +9,10 @@ from typing import Any
 import harness
 import numpy as np
 import pytest
-from harness import Array, Dive, dive, simultaneous, straight
+from harness import NS, Array, Dive, dive, hear, model, simultaneous, straight
 from long_baseline_reference import FIRST, Learning, Reference, X
 from sblcosim.models.receiver import bank, field
+from stepper import Stepper
 
 BOTTOM = np.array([[40.0, 40.0, 14.0], [-40.0, 40.0, 12.5], [-40.0, -40.0, 13.0],
                    [40.0, -40.0, 14.5]])
@@ -242,3 +243,23 @@ def test_noise_of_a_beacon_counts_along_the_range() -> None:
         x[list(field.POSITION)] = place
         found = field.range_(np, p, x, [0.0, 0.0, 0.0], which)
         assert found.variance == pytest.approx(0.1**2 + expected), place
+
+
+@pytest.mark.parametrize("silent", range(4))
+def test_what_stands_on_the_inputs_of_a_beacon_that_is_never_heard_changes_nothing(
+    silent: int,
+) -> None:
+    found = []
+    for given in (0.0, 5e3):
+        box = Stepper(model("long_baseline"), {"update_interval": 0.5, **ROUGH})
+        box.step(0, NS // 2)
+        for n in range(1, 13):
+            hear(box, LINE(0.5 * n)[0], 0.5 * n, beacons=BOTTOM)
+            count, ranges = box.u["reception_count"].copy(), box.u["range"].copy()
+            count[silent], ranges[silent] = 0, given
+            box.set(reception_count=count, range=ranges)
+            box.step(n * NS // 2, NS // 2)
+        found.append(box.y)
+    assert found[0]["update_count"] > 5
+    for name, value in found[0].items():
+        np.testing.assert_array_equal(found[1][name], value, name)

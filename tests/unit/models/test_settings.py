@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import itertools
+import math
 import pkgutil
 import random
 import subprocess
@@ -385,6 +386,33 @@ def test_derivatives_are_those_of_differences(which: str | int) -> None:
             compared, not_zero = compared + there.sum(), not_zero + np.count_nonzero(wanted[there])
     assert compared > 10_000
     assert not_zero > 300
+
+
+@pytest.mark.parametrize("depth", [1.0, 5.0, 9.0, 14.5, 19.0])
+@pytest.mark.parametrize("chances", [(0.5, 0.3), (0.2, 0.9), (1.0, 0.4), (0.4, 1.0), (0.0, 0.7)])
+def test_late_ranges_are_as_late_as_the_first_echo_that_arrives(
+    depth: float, chances: tuple[float, float]
+) -> None:
+    """All outcomes of the two echoes, for a diver nearer to the surface and to the bottom."""
+    t = tables_of("harbour-square")
+    start = (12.0, -7.0, depth)
+    t.target.trajectory, t.target.initial_position_m = "white_noise_acceleration", start
+    t.platform.mean_position_m, t.platform.mean_heading_deg = (0.0, 0.0, 8.0), 0.0
+    t.acoustics.ranging, t.acoustics.loss_probability = "one_way", 0.4
+    t.acoustics.water_depth_m = 20.0
+    t.acoustics.surface_echo_probability, t.acoustics.bottom_echo_probability = chances
+    amount = number = 0.0
+    for beacon in np.reshape(beacons.beacons_of(t.platform), (-1, 3)):
+        north, east, down = start - beacon - [0.0, 0.0, 8.0]
+        direct, both = math.hypot(north, east, down), depth + beacon[2] + 8.0
+        late = [math.hypot(north, east, height) - direct for height in (both, 40.0 - both)]
+        for there in itertools.product((True, False), repeat=2):
+            share = math.prod(c if it else 1 - c for it, c in zip(there, chances, strict=True))
+            if any(there):
+                amount += share * min(itertools.compress(late, there))
+                number += share
+    found = echoes.mean_excess(0.0, t.target, t.platform, t.acoustics)
+    assert found == pytest.approx(amount / number)
 
 
 def test_a_root_of_nothing_has_a_derivative_that_suits_its_square() -> None:

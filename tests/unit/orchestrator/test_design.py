@@ -38,6 +38,18 @@ def test_centre_points_lie_in_the_middle() -> None:
     assert list(design.table().columns) == ["point", "a", "n", "centre"]
 
 
+@pytest.mark.parametrize(("low", "high", "middle"), [
+    (1, 5, 3), (5, 1, 3), (-3, 1, -1), (-4, -2, -3), (0, 2, 1), (1, 4, 2.5), (-1, 0, -0.5),
+    (1.0, 5.0, 3.0), (1, 5.0, 3.0), (0.5, 3.5, 2.0),
+])  # fmt: skip
+def test_the_middle_of_whole_numbers_is_a_whole_number_where_there_is_one(
+    low: float, high: float, middle: float
+) -> None:
+    """A key of whole numbers takes no other, also at a centre point."""
+    (found,) = full([Factor("n", (low, high))], centre_points=1).values[-1]
+    assert (found, type(found)) == (middle, type(middle))
+
+
 def test_a_generator_makes_its_factor_the_product_of_others() -> None:
     design = fractional(factors(5), ["E=-ABCD"])
     coded = design.coded

@@ -195,6 +195,19 @@ def test_a_start_is_found_although_a_range_is_late() -> None:
     assert noise_of(time, ranges, beacon) < 0.3
 
 
+@pytest.mark.parametrize("moved", [(0.0, 0.0), (1024.0, -2048.0), (0.0, 2000.0), (-3000.0, 0.0)])
+def test_a_start_is_the_same_wherever_the_zero_of_the_map_is(moved: tuple[float, float]) -> None:
+    """Of six ranges one is late: from few of the first guesses the best fit is found."""
+    beacons = np.array([[55.0, 45.0, 12.0], [52.0, 17.0, 12.0], [-51.0, -38.0, 12.0]])
+    time, beacon = np.arange(6.0), np.arange(6) % 3
+    track = np.array([46.0, -45.0]) + time[:, None] * [-0.4, 0.1]
+    place, down = beacons[beacon], np.full(6, 8.0)
+    ranges = np.linalg.norm(np.column_stack([track, down]) - place, axis=1)
+    ranges += [-0.1, -0.2, 0.0, 0.1, 40.1, 0.0]
+    at, _ = start(time, beacon, ranges, place + np.array([*moved, 0.0]), down, 0.1)
+    assert at - [*moved, 0.0, 0.0] == pytest.approx([46.047, -44.449, -0.470, -0.726], abs=2e-3)
+
+
 # --- Losses and positions -------------------------------------------------------------------------
 
 

@@ -13,7 +13,7 @@ import pytest
 import sblcosim
 from made_logs import made
 from sblcosim.cli.common.app import app
-from sblcosim.logs.contents import LogContents
+from sblcosim.logs.contents import LogContents, contents_of
 from sblcosim.logs.figures import gaps, marked, plot_log
 from sblcosim.logs.tables import BEACONS, FLAWS, SERIES
 from typer.testing import CliRunner
@@ -184,3 +184,18 @@ def test_a_mapping_is_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
 def test_a_log_tells_how_long_it_is_whenever_it_began(start_s: float) -> None:
     log = made(seconds=90, start_s=start_s)
     assert "of 89 s: 90 ranges of 4 beacons" in repr(log)
+
+
+@pytest.mark.parametrize(("begins", "date"), [
+    (0, None), (86_400, None), (31_536_000, None), (946_684_799, None),
+    (946_684_800, "2000-01-01 00:00"), (1_700_000_000, "2023-11-14 22:13"),
+])  # fmt: skip
+def test_times_are_dates_from_the_year_2000_on(begins: int, date: str | None) -> None:
+    """Others count from a zero of the source, however long ago that was."""
+    log = made(seconds=20, start_s=begins - 1)
+    assert log.start_ns == begins * 10**9
+    assert log.dated == (date is not None)
+    found = contents_of(log)
+    said = found.to_json()["start_utc"]
+    assert (said is None) if date is None else said.startswith(date)
+    assert ("without a date" in found.text()) == (date is None)

@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from sblcosim.data.record import Record
+from sblcosim.data.truth import Truth
 from sblcosim.errors import FmuError
 from sblcosim.judge import metrics, over_runs
 from scipy.stats import chi2
@@ -225,6 +226,25 @@ def test_update_share_counts_what_was_due_and_could_be_read():
     # updates due at 200, 400, 600, 800; the one at 1000 would show after the end
     assert metrics.update_share(time_ns, np.array([0] * 5 + [1] * 5 + [3]), 200) == 0.75
     assert np.isnan(metrics.update_share(time_ns, np.zeros(11, int), 1000))
+
+
+@pytest.mark.parametrize("counted", [0, 1])
+@pytest.mark.parametrize("instants", [1, 2, 11])
+def test_where_no_update_is_due_there_is_no_share_of_updates(instants, counted):
+    """Whatever a receiver counts: a share of nothing would be infinite."""
+    time_ns, count = np.arange(instants) * 100, np.linspace(0, counted, instants).astype(int)
+    for interval in (int(time_ns[-1]) or 1, 2000):
+        assert np.isnan(metrics.update_share(time_ns, count, interval))
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_at_a_single_instant_an_estimate_made_afterwards_is_available_or_not(known):
+    record = make_record() if known else silent("ekf")
+    judged = judged_in(record, "ekf")
+    truth = Truth(time_ns=record.time_ns[:1], position=record.values["target.position"][:1])
+    row = metrics.summary({"ekf": judged}, {"ekf": metrics.track(judged)}, truth).loc["ekf"]
+    assert row.availability == float(known)
+    assert np.isnan(row.update_share)
 
 
 def test_lost_compares_the_last_quarter_with_the_distance_to_the_platform():

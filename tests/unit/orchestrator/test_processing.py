@@ -306,6 +306,26 @@ def test_each_range_is_played_once_and_in_its_order() -> None:
     assert (given.time_ns[given.tick] >= arrival).all()
 
 
+STEPS_NS = [s * 10**n for n in range(6, 11) for s in (1, 2, 5)][:-2]
+"""1, 2 or 5 · 10ⁿ, from a millisecond to 10 s."""
+
+
+@pytest.mark.parametrize("spacing_ns", [
+    *STEPS_NS, *(round(1.3 * it) for it in STEPS_NS), *(it - 1000 for it in STEPS_NS), 37 * 10**9,
+])  # fmt: skip
+def test_receptions_have_ticks_of_their_own_1_2_or_5_times_a_power_of_ten_apart(
+    spacing_ns: int,
+) -> None:
+    """The largest step that is no longer than the time between receptions."""
+    log = made(seconds=40, speed=0.01)
+    ns = spacing_ns * np.arange(1, 41)
+    heard = replace(log.receptions, arrival_ns=ns, epoch_ns=ns)
+    ready = settled(replace(log, receptions=heard, depth_ns=ns, truth=None))
+    expected = max([it for it in STEPS_NS if it <= spacing_ns], default=STEPS_NS[0])
+    assert ready.interval_ns == expected
+    assert ready.scenario.time.sampling_time_s == pytest.approx(expected / 1e9)
+
+
 def bare(folder: Path, scenario: str, **keys: Any) -> Log:
     """The log of a simulated dive as a device would have written it: without settings and start."""
     _, log = written(folder, scenario, ["sequential"], overrides=keys)
@@ -544,9 +564,14 @@ def test_outliers_do_not_move_a_clock_or_a_frame(clock: float, turn: float) -> N
     np.testing.assert_allclose(found[1].shift_m, shift, atol=0.3)
 
 
-@pytest.mark.parametrize("offset", [-86_400.0, 86_400.0, 300.0])
+@pytest.mark.parametrize(
+    "offset", [-86_400.0, 86_400.0, 300.0, 365.0, -365.0, 390.0, -390.0, 399.0, -399.0, 401.0]
+)
 def test_a_truth_of_another_time_has_a_clock_of_its_own(offset: float) -> None:
-    """Before or after the log, if meta.toml does not say it; within it, its clock is believed."""
+    """Before or after the log, or with hardly a tenth of it, if meta.toml does not say its offset.
+
+    Within the log, its clock is believed.
+    """
     log = made(seconds=400, start_s=1.7e9)
     truth = log.truth
     assert truth is not None
@@ -554,8 +579,46 @@ def test_a_truth_of_another_time_has_a_clock_of_its_own(offset: float) -> None:
     estimates = Estimates(epoch_ns=truth.time_ns, position=truth.position)
     found = aligned(replace(log, truth=moved_on), estimates)
     assert found is not None
-    assert found[1].estimated == (abs(offset) > 400, False)
-    assert found[1].offset_s == pytest.approx(-offset if abs(offset) > 400 else 0.0, abs=0.1)
+    assert found[1].estimated == (abs(offset) > 360, False)
+    assert found[1].offset_s == pytest.approx(-offset if abs(offset) > 360 else 0.0, abs=0.1)
+
+
+@pytest.mark.parametrize("offset", [0.0, 100.0, -200.0, 275.0, -285.0, 330.0, -399.0])
+def test_the_clock_of_a_truth_is_found_however_little_it_overlaps(offset: float) -> None:
+    log = made(seconds=400, turning=0.005)
+    truth = log.truth
+    assert truth is not None
+    meta = log.meta.model_copy(update={
+        "clock": log.meta.clock.model_copy(update={
+            "truth": log.meta.clock.truth.model_copy(update={"offset_s": "estimate"})})})
+    moved_on = replace(truth, time_ns=truth.time_ns + round(offset * 1e9))
+    estimates = Estimates(epoch_ns=truth.time_ns, position=truth.position)
+    found = aligned(replace(log, truth=moved_on, meta=meta), estimates)
+    assert found is not None
+    assert found[1].offset_s == pytest.approx(-offset, abs=0.1)
+
+
+@pytest.mark.parametrize("offset", [0.0, 3.0, -40.0])
+@pytest.mark.parametrize("first", [100, 4700])
+def test_the_clock_of_a_truth_of_hours_is_looked_for_near_its_own(
+    first: int, offset: float
+) -> None:
+    """A logger that ran long before or after the dive: its middle is far from that of the log."""
+    time = np.arange(5000) * 10**9
+    angle = 2e-4 * np.arange(5000.0)
+    path = 500 * np.column_stack([np.sin(angle), 1 - np.cos(angle), 0 * angle])
+    log = made(seconds=200, start_s=float(first))
+    its_own = log.meta.clock.truth.model_copy(update={"offset_s": "estimate"})
+    meta = log.meta.model_copy(
+        update={"clock": log.meta.clock.model_copy(update={"truth": its_own})}
+    )
+    truth = Truth(time_ns=time - round(offset * 1e9), position=path)
+    part = slice(first, first + 200)
+    found = aligned(
+        replace(log, truth=truth, meta=meta), Estimates(epoch_ns=time[part], position=path[part])
+    )
+    assert found is not None
+    assert found[1].offset_s == pytest.approx(offset, abs=0.1)
 
 
 @pytest.mark.parametrize(("frame", "rounds", "says"), [
@@ -662,6 +725,33 @@ def test_too_few_estimates_align_nothing() -> None:
     processed = process(replace(log, meta=meta))
     assert processed.truth is None
     assert any(line.startswith("truth: not used") for line in processed.remarks)
+
+
+@pytest.mark.parametrize("estimated", ["clock", "frame", "both"])
+@pytest.mark.parametrize("first", [0, 150, 300])
+@pytest.mark.parametrize(("seconds", "fits"), [(40, False), (100, False), (140, True)])
+def test_a_truth_of_a_small_part_of_the_estimates_aligns_nothing(
+    estimated: str, first: int, seconds: int, fits: bool
+) -> None:
+    """Three tenths of the estimates must be within it."""
+    log = made(seconds=400, turning=0.005)
+    truth = log.truth
+    assert truth is not None
+    first = min(first, 400 - seconds)
+    part = slice(first, first + seconds)
+    short = Truth(time_ns=truth.time_ns[part], position=truth.position[part])
+    clock, frame = log.meta.clock, log.meta.frame
+    if estimated != "frame":
+        its_own = clock.truth.model_copy(update={"offset_s": "estimate"})
+        clock = clock.model_copy(update={"truth": its_own})
+    if estimated != "clock":
+        frame = frame.model_copy(update={"truth": "estimate"})
+    meta = log.meta.model_copy(update={"clock": clock, "frame": frame})
+    estimates = Estimates(epoch_ns=truth.time_ns, position=truth.position)
+    found = aligned(replace(log, truth=short, meta=meta), estimates)
+    assert (found is not None) == fits
+    if found is not None and estimated == "clock":
+        assert found[1].offset_s == pytest.approx(0.0, abs=0.1)
 
 
 def test_moving_a_truth_turns_its_velocity_too() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import runpy
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -68,6 +69,15 @@ def test_every_sum_gives_what_its_definition_says(name: str, settling_ns: int) -
             defined = value_of(RESPONSES[str(column)], run)
             got = math.nan if value is pd.NA else float(value)
             assert defined == pytest.approx(got, rel=1e-12, abs=0, nan_ok=True), column
+
+
+@pytest.mark.parametrize("start_ns", [4 * 10**9, 10**18])
+def test_errors_of_lanes_have_the_same_room_whenever_the_time_begins(start_ns: int) -> None:
+    """One place for each estimate: that of packages begins where their file says."""
+    plan = plan_of("paper-scenario-1", ("ekf",), **{"time.duration_s": 6.0})
+    later = replace(plan, start_ns=start_ns, stop_ns=start_ns + plan.stop_ns)
+    room = [lanes.LanesBatch(it, {}, (), (), 0, 1).room for it in (plan, later)]
+    assert room == [plan.stop_ns // 10**8 + 1] * 2
 
 
 @pytest.mark.parametrize("name", PLANS)

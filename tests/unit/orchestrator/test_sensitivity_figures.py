@@ -123,6 +123,10 @@ def test_logarithmic_axes_have_plain_numbers(low_high: tuple[float, float]) -> N
     inside = [float(t) for t in shown if low <= float(t) <= high]
     assert 2 <= len(inside) <= 13
     assert not any("$" in t for t in shown)
+    # Neither end is far from a number, and no decade is without one.
+    ends = np.log10([x := panel.lines[0].get_xdata()][0][[x.argmin(), x.argmax()]])
+    gaps = np.diff(np.unique([*ends, *np.clip(np.log10(inside), *ends)]))
+    assert gaps.max() <= min(1.0, 0.5 * np.ptp(ends)) + 1e-9
 
 
 @pytest.mark.parametrize("theme", ["light", "dark"])

@@ -24,6 +24,7 @@ from sblcosim.report.common import as_toml
 from sblcosim.report.space import Indices
 from sblcosim.study import again, campaign, runner, store, study
 from sblcosim.study.study import study_of
+from seams import Seam
 from typer.testing import CliRunner
 
 AROUND = {"distribution": "uniform", "range": [-pi, pi]}
@@ -172,6 +173,28 @@ def test_a_dry_run_knows_the_sample_of_the_folder(tmp_path: Path) -> None:
     file.write_text(space.format(keys='model = "model.py:f"\n', sample=""))
     said = CliRunner().invoke(cli.app, ["study", str(file), *out, "--dry-run"])
     assert "64 runs are in" in said.stdout, said.output
+
+
+@pytest.mark.parametrize(("least", "most", "said"), [
+    (0.1, 0.2, "about 1 s"), (1, 30, "about 1 to 30 s"), (89, 89, "about 89 s"),
+    (89, 90, "about 89 s to 1.5 min"), (90, 90, "about 1.5 min"), (150, 150, "about 2.5 min"),
+    (600, 3600, "about 10 to 60 min"), (5340, 5340, "about 89 min"), (5400, 5400, "about 1.5 h"),
+    (9000, 9000, "about 2.5 h"), (100, 36_000, "about 1.7 min to 10 h"),
+    (255_600, 255_600, "about 71 h"), (259_200, 259_200, "about 3 days"),
+    (432_000, 432_000, "about 5 days"), (36_000, 1e8, "about 10 h to 1,157 days"),
+    (120, 60, "about 2 min"),
+])  # fmt: skip
+def test_a_dry_run_says_how_long_in_the_unit_that_fits(
+    tmp_path: Path, seam: Seam, least: float, most: float, said: str
+) -> None:
+    """Seconds and minutes below 90, hours below 72; the times may come in the wrong order."""
+    (tmp_path / "model.py").write_text("def f(x):\n    return x\n")
+    file = tmp_path / "study.toml"
+    file.write_text('model = "model.py:f"\n[design]\nkind = "full"\n[factors.x]\nlevels = [0, 1]\n')
+    seam.instead(runner.estimate, lambda *_: (least, most))
+    out = ["--out", str(tmp_path / "out"), "--dry-run"]
+    done = CliRunner().invoke(cli.app, ["study", str(file), *out])
+    assert f"; {said} on this machine; nothing was run" in done.stdout, done.output
 
 
 def partly(x1: float, x2: float, x3: float, far: float = 0.0) -> float:

@@ -213,6 +213,15 @@ def test_what_is_wrong_is_named_with_line_and_column(tmp_path: Path, case: str) 
     assert "\n" not in line
 
 
+@pytest.mark.parametrize("first", [0.0, 5.0, -1e9])
+def test_a_track_of_exactly_the_longest_time_is_read(tmp_path: Path, first: float) -> None:
+    rows = f"{first!r},1,2,3", "{!r},1,2,3"
+    long = read(written(tmp_path, table(NED, rows[0], rows[1].format(first + 1e9))))
+    assert long.times.tolist() == [0.0, 1e9]
+    with pytest.raises(ConfigurationError, match="must be within 1e\\+09 s of the first point"):
+        read(written(tmp_path, table(NED, rows[0], rows[1].format(first + 1e9 + 1e-3))))
+
+
 def test_a_file_that_is_none_is_refused(tmp_path: Path) -> None:
     (tmp_path / "bytes.csv").write_bytes(b"time_s\n\xff")
     for name, message in (
