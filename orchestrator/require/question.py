@@ -142,7 +142,7 @@ class Question(Shown):
     @property
     def flag(self) -> str:
         """What a run must not be, such as ``misleading``; empty if the response is no flag."""
-        return self.response if self.response in FLAGS and self.terms.limit < 1 else ""
+        return self.response if self.response in FLAGS else ""
 
     @property
     def requirement(self) -> str:
@@ -290,7 +290,7 @@ def load(source: str | Path | Mapping[str, Any]) -> Question:
             f"{where}: settling_time_s: must be given, got nothing; 0 counts errors from the start"
         )
     response, asked = _response(where, terms.response)
-    check_limit(f"{where}: limit", terms.limit, response)
+    _check_limit(f"{where}: limit", terms.limit, response)
     # Receivers run side by side on the same noise; every bound here holds whatever runs share.
     alone = ([RECEIVERS_KEY], (RECEIVERS_KEY,))
     receivers = any(table.get("keys") in alone for table in choices.values())
@@ -357,6 +357,15 @@ def _choices(where: str, given: Any) -> dict[str, dict[str, Any]]:
                     f"{nearest(str(key), _OF_CHOICE)}"
                 )
     return {name: dict(table) for name, table in given.items()}
+
+
+def _check_limit(where: str, limit: float, response: str) -> None:
+    check_limit(where, limit, response)
+    if response in FLAGS and limit != 0:
+        raise ConfigurationError(
+            f"{where}: must be 0, as a run is {response} (1) or not (0); share says in how many "
+            f"runs it must not be, got {limit:g}"
+        )
 
 
 def _response(where: str, name: str) -> tuple[str, list[str]]:

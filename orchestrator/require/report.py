@@ -91,14 +91,15 @@ def _conditions(answer: Requirement) -> Section:
     named = answer.arms[answer.arms["design"].isin([answer.named, *answer.roles])]
     if len(q.conditions) > 1 and answer.spent:
         unit = f" [{q.unit}]" if q.unit else ""
-        head = ["Design", "Condition", "Verdict", f"{percent(q.terms.share)} within{unit}",
-                "Surely", "Passed", "Runs"]
+        size = [] if q.flag else [f"{percent(q.terms.share)} within{unit}", "Surely"]
         blocks.append(PageTable(
-            "The designs that the answer names, in each condition", head,
+            "The designs that the answer names, in each condition",
+            ["Design", "Condition", "Verdict", *size, "Passed", "Runs"],
             [[answer.short(row["design"]), row["condition"], row["verdict"],
-              "lost" if row["estimate"] == inf else figure(row["estimate"]),
-              bounds(row["lower"], row["upper"]), f"{row['passed']:,}",
-              f"{row['runs']:,}"] for row in named.to_dict(orient="records")],
+              *(["lost" if row["estimate"] == inf else figure(row["estimate"]),
+                 bounds(row["lower"], row["upper"])] if size else []),
+              f"{row['passed']:,}", f"{row['runs']:,}"]
+             for row in named.to_dict(orient="records")],
             (1, 2),
         ))  # fmt: skip
     return Section("Conditions", "conditions", blocks)
@@ -106,11 +107,12 @@ def _conditions(answer: Requirement) -> Section:
 
 def _table(answer: Requirement, designs: pd.DataFrame, caption: str) -> PageTable:
     head, rows = answer.table(designs)
-    note = (
-        f"Surely: bounds of the value that {percent(answer.question.terms.share)} are within, "
-        "which hold together for all designs; of a decided one, that of its claim. Runs and shares "
-        "are those of the condition that is worst for a design."
-    )
+    note = "Runs and shares are those of the condition that is worst for a design."
+    if not answer.question.flag:
+        note = (
+            f"Surely: bounds of the value that {percent(answer.question.terms.share)} are within, "
+            f"which hold together for all designs; of a decided one, that of its claim. {note}"
+        )
     titles = [word[:1].upper() + word[1:] for word in head]
     order = ", the cheapest first" if answer.question.costs else ""
     return PageTable(f"{caption}{order}", titles, rows, note=note)

@@ -264,9 +264,11 @@ class Requirement(Answer):
     def _within(self, value: float) -> str:
         """The value that the required share of some runs is within; too few have a response if
         infinite."""
-        share = percent(self.question.terms.share)
+        share, flag = percent(self.question.terms.share), self.question.flag
         if not isfinite(value):
             return f"fewer than {share} end well"
+        if flag:
+            return f"{'fewer than ' if value > 0 else ''}{share} are not {flag}"
         return f"{share} are within {self._size(value)}"
 
     def _bounds(self, row: int) -> str:
@@ -356,8 +358,11 @@ class Requirement(Answer):
         text = f"No error alone limits it: {of_all}, and no less without any one of them."
         if helping:
             (name, value), *rest = helping
-            text = (f"It is limited most by {name}: {of_all}, and {share} would be within "
-                    f"{self._size(value)} without this one")
+            most = f"It is limited most by {name}: {of_all}, and {share} would"
+            if flag := self.question.flag:  # each of these is enough
+                others = "".join(f" or without {name}" for name, _ in rest)
+                return f"{most} not be {flag} without this one{others}."
+            text = f"{most} be within {self._size(value)} without this one"
             text += "".join(f", {self._size(value)} without {name}" for name, value in rest) + "."
         if self.chosen is None and found.everything > limit:
             text += f" {enough(found, limit)}"
@@ -368,8 +373,7 @@ class Requirement(Answer):
         q, counts = self.question, self.counts
         met = len(q.conditions)
         what = f"{len(self.designs)} designs" + (f" in {met} conditions" if met > 1 else "")
-        left = counts["undecided"]
-        undecided = f", {_undecided(left)}" if left else ""
+        undecided = f", {_undecided(left)}" if (left := counts["undecided"]) else ""
         return (
             f"With {percent(q.terms.confidence)} confidence, every claim about the {what} "
             f"is right: {doing(counts['suffices'], 'suffice')}, "
@@ -423,12 +427,13 @@ class Requirement(Answer):
         shown = self.designs if verbose else self.worth
         head, rows = self.table(shown)
         what = "cost and accuracy" if self.question.costs else "accuracy"
-        which = "All designs" if verbose else f"Designs that no other one beats in {what}"
+        others = "" if shown["front"].all() else ", and those named above"
+        which = "All designs" if verbose else f"Designs that no other one beats in {what}{others}"
         right = [i for i, name in enumerate(head) if i and name != "verdict"]
         lines = [*self.sentences(), "", f"{which}:", *layout.table(rows, width, head, right)]
         terms = [LOST] if (shown["estimate"] == np.inf).any() else []
         terms += [it for it in defined(self.question.response) if it == MISLEADING]
-        lines += ["", *(self.notes() if verbose else (self._percentile(), *terms))]
+        lines += ["", *(self.notes() if verbose else (*self._percentile(), *terms))]
         return layout.fitted("\n".join(lines), width)
 
     @property
@@ -459,36 +464,36 @@ class Requirement(Answer):
     def table(self, designs: pd.DataFrame) -> tuple[list[str], list[list[str]]]:
         """Heading and rows of a table of designs, for people; the deciding columns are first."""
         q, study = self.question, self.question.study
-        unit = f" [{q.unit}]" if q.unit else ""
-        letters = self.letters
+        unit, letters = f" [{q.unit}]" if q.unit else "", self.letters
+        size = [] if q.flag else [f"{percent(q.terms.share)} within{unit}"]
+        sure = [] if q.flag else [f"surely{unit}"]
+        within = f"within {q.terms.limit:g}{q.unit and f' {q.unit}'}"
         head = [
-            " · ".join(study.labels[name] for name in study.factors),
-            DESIGNS.head("verdict"), f"{percent(q.terms.share)} within{unit}",
-            *([DESIGNS.head("cost")] if q.costs else []),
-            f"within {q.terms.limit:g}{q.unit and f' {q.unit}'}", f"surely{unit}",
-            DESIGNS.head("runs"),
+            " · ".join(study.labels[name] for name in study.factors), DESIGNS.head("verdict"),
+            *size, *([DESIGNS.head("cost")] if q.costs else []),
+            f"not {q.flag}" if q.flag else within, *sure, DESIGNS.head("runs"),
         ]  # fmt: skip
         rows = [
             [
                 f"{letters.get(number, ' '):{3 if letters else 0}}{self.short(number)}",
                 row["verdict"],
-                "lost" if row["estimate"] == np.inf else figure(row["estimate"]),
+                *["lost" if row["estimate"] == np.inf else figure(row["estimate"]) for _ in size],
                 *([q.price(row["cost"])] if q.costs else []),
                 self._share(number) if row["runs"] else "–",
-                bounds(row["lower"], row["upper"]), f"{row['runs']:,}",
+                *[bounds(row["lower"], row["upper"]) for _ in sure], f"{row['runs']:,}",
             ]
             for number, row in zip(designs.index, designs.to_dict(orient="records"), strict=True)
         ]  # fmt: skip
         return head, rows
 
-    def _percentile(self) -> str:
-        """How a percentile is defined."""
+    def _percentile(self) -> list[str]:
+        """How a percentile is defined, if there is one."""
         q = self.question
-        return (
+        return [] if q.flag else [
             f"What {percent(q.terms.share)} are within is an order statistic: of n runs, the one "
             f"of rank {q.terms.share:g} n, rounded up."
             f"{_WITHIN_A_RUN if 'percentile' in q.words else ''}"
-        )
+        ]
 
     def notes(self) -> list[str]:
         """How to read the numbers."""
@@ -500,11 +505,14 @@ class Requirement(Answer):
             *(it for it in defined(q.response) if it == MISLEADING),
             f"A design suffices if at least {share} of all runs that there could be pass"
             + (" in each condition." if len(q.conditions) > 1 else "."),
-            self._percentile(),
-            "The bounds assume nothing about the distribution of the errors, and hold whenever one "
-            "looks. The lower bounds of all designs that fail hold together, and so do the upper "
-            "ones of all that suffice. Of undecided designs both hold, of all of them together: "
-            f"with a confidence of {percent(q.terms.confidence)} no interval is wrong.",
+            *self._percentile(),
+            *([] if q.flag else [
+                "The bounds assume nothing about the distribution of the errors, and hold whenever "
+                "one looks. The lower bounds of all designs that fail hold together, and so do the "
+                "upper ones of all that suffice. Of undecided designs both hold, of all of them "
+                f"together: with a confidence of {percent(q.terms.confidence)} no interval is "
+                "wrong."
+            ]),
             "A design is left alone as soon as it is decided, so the runs of designs differ.",
         ]
 
@@ -582,7 +590,7 @@ def _caption(answer: Requirement) -> str:
 
 
 def _has_runs(answer: Requirement) -> bool:
-    return answer.spent > 0
+    return answer.spent > 0 and not answer.question.flag
 
 
 FIGURES: Mapping[str, Figure[Requirement]] = by_name(

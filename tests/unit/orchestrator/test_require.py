@@ -1095,6 +1095,46 @@ def test_a_limit_of_0_is_refused_where_it_is_asked_for(tmp_path: Path) -> None:
     require.load(changed(limit=0, response="lost"))
 
 
+def test_a_design_that_is_named_though_another_one_beats_it_is_said_to_be() -> None:
+    """One that costs less and is not yet sure to suffice may have as good runs."""
+    answer = pretended(require.load(changed()), {**dict.fromkeys(range(6), 1.0)})
+    assert "beats in cost and accuracy:" in answer.text()
+    beaten = replace(answer, designs=answer.designs.assign(front=False))
+    assert "beats in cost and accuracy, and those named above:" in beaten.text()
+    assert "All designs:" in beaten.text(verbose=True)
+
+
+@pytest.mark.parametrize("flag", FLAGS)
+def test_a_limit_other_than_0_is_refused_where_a_run_is_something_or_not(flag: str) -> None:
+    for limit in (0.05, 0.99, 1.0, 3.0):
+        with pytest.raises(ConfigurationError, match=rf"limit: must be 0, as a run is {flag}"):
+            require.load(changed(limit=limit, response=flag))
+    assert require.load(changed(limit=0, response=flag)).flag == flag
+
+
+@pytest.mark.parametrize("share", [0.01, 0.99])
+def test_an_answer_on_what_a_run_is_or_is_not_speaks_of_no_size(
+    share: float, tmp_path: Path, seam: Seam
+) -> None:
+    """Half a minute of the paper's filter is misleading in some runs."""
+    seam.tuned(limiting_runs=40)
+    answer = require.decide(changed(
+        response="misleading", limit=0, share=share, most_runs=1500,
+        fixed={"time": {"duration_s": 30.0}},
+    ), tmp_path / "answer")  # fmt: skip
+    page = (answer.save(tmp_path / "report") / "report.html").read_text("utf-8")
+    assert "<svg" not in page
+    assert 0 < answer.designs["passed"].sum() < answer.designs["runs"].sum()
+    for text in (answer.text(), answer.text(verbose=True), page):
+        assert "misleading" in text
+        for size in ("% within", "are within", "be within", "within 0", "urely"):
+            assert size not in text
+    head, rows = answer.table(answer.designs)
+    assert "not misleading" in head
+    assert {len(row) for row in rows} == {len(head)}
+    assert f"{100 * share:g} % are not misleading with all errors" in answer.text()
+
+
 def test_a_question_may_be_moved_with_its_files(tmp_path: Path, seam: Seam) -> None:
     """What its files hold decides, not where they are or how the question is named."""
     seam.tuned(limiting_runs=2)  # a function of the user's takes its runs one by one
