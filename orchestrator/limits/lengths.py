@@ -36,8 +36,8 @@ def percentile(covariances: Floats, share: float = 0.95) -> Floats:
     Returns
     -------
     Floats
-        Shape (n,), in the unit of a standard deviation; to 0.1 %. NaN where a covariance is not
-        finite.
+        Shape (n,), in the unit of a standard deviation; to 0.1 % for a share of 0.9 or more, and
+        less well below, where deviations differ much. NaN where a covariance is not finite.
     """
     epochs, n, d, _ = covariances.shape
     whole = np.asarray(np.isfinite(covariances).all(axis=(0, 2, 3)))

@@ -39,6 +39,7 @@ from sblcosim.scenario.likes import LIKES
 from sblcosim.scenario.scenario import Scenario, load
 from sblcosim.simulation.how import How
 from sblcosim.simulation.masters.lanes_driver import LENGTHS
+from scipy import special
 from scipy.interpolate import RegularGridInterpolator
 from seams import Seam
 from typer.main import get_command
@@ -397,6 +398,19 @@ def test_lengths_of_gaussian_errors_whose_percentile_is_known(
 ) -> None:
     found = lengths.percentile(np.diag(np.array(variances, float))[None, None])
     assert found[0] == pytest.approx(expected, rel=1e-3, abs=1e-12)
+
+
+def test_lengths_of_errors_along_a_line_are_those_of_the_exact_mixture() -> None:
+    """Of deviations that differ by many powers of ten."""
+    draw = np.random.default_rng(11)
+    for share in (0.9, 0.95, 0.999):
+        for epochs in (2, 3, 7):
+            stds = draw.lognormal(0.0, 3.0, (epochs, 40))
+            found = lengths.percentile(stds[:, :, None, None] ** 2, share)
+            for own, length in zip(stds.T, found, strict=True):
+                reached = special.erf(length * np.array([[0.998], [1.002]]) / own / np.sqrt(2))
+                low, high = reached.mean(axis=1)
+                assert low < share < high
 
 
 def test_lengths_of_any_gaussian_errors_in_any_direction() -> None:

@@ -60,6 +60,8 @@ def test_each_receiver_with_a_q_has_what_it_assumed_or_learned(run: Result) -> N
     assert learned.median == pytest.approx(1e-6 * (last + 1) / 2)
     silent = motions({"coupled": origin("coupled", -1.0)}, run.record, ("coupled", RAW))
     assert silent == {"coupled": Motion(None, 1e-5, 1e-5)}
+    # Of a receiver that learns it and has no output for it, no more is known.
+    assert motions({RAW: origin(RAW, -1.0)}, run.record, (RAW,)) == {RAW: Motion(None)}
 
 
 def test_a_number_that_was_given_is_not_taken_for_learned(run: Result) -> None:

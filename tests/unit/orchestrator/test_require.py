@@ -645,6 +645,19 @@ def test_letters_keep_off_all_points_their_bars_and_the_limit(
         assert near.any()
 
 
+@pytest.mark.parametrize(("ratio", "scale"), [(4.8, "linear"), (5.2, "log"), (400.0, "log")])
+def test_values_that_differ_by_more_than_five_times_have_a_logarithmic_axis(
+    ratio: float, scale: str
+) -> None:
+    answer = pretended(require.load(changed()), dict.fromkeys(range(6), 0.5))
+    for least in (0.02, 3.0):
+        values = least * ratio ** np.linspace(0, 1, 6)
+        found = replace(answer, designs=answer.designs.assign(estimate=values))
+        assert plot_front(found).get_yscale() == scale
+    none = replace(answer, designs=answer.designs.assign(estimate=[0.0, *values[1:]]))
+    assert plot_front(none).get_yscale() == "linear"
+
+
 def test_the_front_names_the_answer_and_the_next_cheaper_alone() -> None:
     """However many designs fail; those are small, and without a name."""
     levels = [0.1 * n for n in range(1, 21)]
