@@ -14,10 +14,11 @@ from ..report.common import PLAY, as_toml, explore
 from ..report.page import Block, Code, Page, PagePicture, PageTable, Section, Text, render
 from ..report.parts import pictures
 from ..style import ThemeName
-from ..words.numbers import bounds, figure
+from ..words.numbers import figure
 from ..words.shares import percent
 from .question import shipped
 from .result import FIGURES, REPORT, SCENARIO, Requirement
+from .tables import surely
 
 
 def write(answer: Requirement, folder: Path, theme: ThemeName = "light") -> None:
@@ -91,14 +92,13 @@ def _conditions(answer: Requirement) -> Section:
     named = answer.arms[answer.arms["design"].isin([answer.named, *answer.roles])]
     if len(q.conditions) > 1 and answer.spent:
         unit = f" [{q.unit}]" if q.unit else ""
-        size = [] if q.flag else [f"{percent(q.terms.share)} within{unit}", "Surely"]
+        size = [] if q.flag else [f"{percent(q.terms.share)} within{unit}"]
         blocks.append(PageTable(
             "The designs that the answer names, in each condition",
-            ["Design", "Condition", "Verdict", *size, "Passed", "Runs"],
+            ["Design", "Condition", "Verdict", *size, "Surely", "Passed", "Runs"],
             [[answer.short(row["design"]), row["condition"], row["verdict"],
-              *(["lost" if row["estimate"] == inf else figure(row["estimate"]),
-                 bounds(row["lower"], row["upper"])] if size else []),
-              f"{row['passed']:,}", f"{row['runs']:,}"]
+              *["lost" if row["estimate"] == inf else figure(row["estimate"]) for _ in size],
+              surely(row, q.rule, q.flag), f"{row['passed']:,}", f"{row['runs']:,}"]
              for row in named.to_dict(orient="records")],
             (1, 2),
         ))  # fmt: skip
@@ -107,12 +107,14 @@ def _conditions(answer: Requirement) -> Section:
 
 def _table(answer: Requirement, designs: pd.DataFrame, caption: str) -> PageTable:
     head, rows = answer.table(designs)
-    note = "Runs and shares are those of the condition that is worst for a design."
-    if not answer.question.flag:
-        note = (
-            f"Surely: bounds of the value that {percent(answer.question.terms.share)} are within, "
-            f"which hold together for all designs; of a decided one, that of its claim. {note}"
-        )
+    q = answer.question
+    bound = f"share of runs that are not {q.flag}"
+    if not q.flag:
+        bound = f"value that {percent(q.terms.share)} are within"
+    note = (
+        f"Surely: bounds of the {bound}, which hold together for all designs; of a decided one, "
+        "that of its claim. Runs and shares are those of the condition that is worst for a design."
+    )
     titles = [word[:1].upper() + word[1:] for word in head]
     order = ", the cheapest first" if answer.question.costs else ""
     return PageTable(f"{caption}{order}", titles, rows, note=note)

@@ -15,22 +15,22 @@ import numpy as np
 import pandas as pd
 
 from .. import artifacts, layout
+from ..analysis.common.bounds import share_interval
 from ..answer import Answer
 from ..catalogue import Figure, Job, by_name, jobs
-from ..comparison.common.statistics import share_interval
 from ..judge.definitions import LOST, MISLEADING
 from ..lazy import Module
 from ..results.responses import defined
 from ..scenario.scenario import Scenario
 from ..shown import folded, page, table, verbatim
 from ..words.lists import doing, listed, plural
-from ..words.numbers import PRACTICAL_RUNS, bounds, figure
+from ..words.numbers import PRACTICAL_RUNS, figure
 from ..words.shares import percent
 from . import limiting
 from .limiting import Limiting
 from .question import Question
 from .sequential import FIRST, Decision, Rule
-from .tables import CONDITIONS, DESIGNS
+from .tables import CONDITIONS, DESIGNS, surely
 
 if TYPE_CHECKING:
     from ..style import ThemeName
@@ -466,12 +466,11 @@ class Requirement(Answer):
         q, study = self.question, self.question.study
         unit, letters = f" [{q.unit}]" if q.unit else "", self.letters
         size = [] if q.flag else [f"{percent(q.terms.share)} within{unit}"]
-        sure = [] if q.flag else [f"surely{unit}"]
         within = f"within {q.terms.limit:g}{q.unit and f' {q.unit}'}"
         head = [
             " · ".join(study.labels[name] for name in study.factors), DESIGNS.head("verdict"),
             *size, *([DESIGNS.head("cost")] if q.costs else []),
-            f"not {q.flag}" if q.flag else within, *sure, DESIGNS.head("runs"),
+            f"not {q.flag}" if q.flag else within, f"surely{unit}", DESIGNS.head("runs"),
         ]  # fmt: skip
         rows = [
             [
@@ -480,7 +479,7 @@ class Requirement(Answer):
                 *["lost" if row["estimate"] == np.inf else figure(row["estimate"]) for _ in size],
                 *([q.price(row["cost"])] if q.costs else []),
                 self._share(number) if row["runs"] else "–",
-                *[bounds(row["lower"], row["upper"]) for _ in sure], f"{row['runs']:,}",
+                surely(row, q.rule, q.flag), f"{row['runs']:,}",
             ]
             for number, row in zip(designs.index, designs.to_dict(orient="records"), strict=True)
         ]  # fmt: skip
@@ -499,6 +498,7 @@ class Requirement(Answer):
         """How to read the numbers."""
         q = self.question
         settled, share = q.study.settling_time_s, percent(q.terms.share)
+        fails, suffices = ("upper", "lower") if q.flag else ("lower", "upper")
         return [
             f"A run passes if {q.passes}; errors count from {settled:g} s on. A run that "
             f"fails or is lost does not pass. {LOST}",
@@ -506,13 +506,10 @@ class Requirement(Answer):
             f"A design suffices if at least {share} of all runs that there could be pass"
             + (" in each condition." if len(q.conditions) > 1 else "."),
             *self._percentile(),
-            *([] if q.flag else [
-                "The bounds assume nothing about the distribution of the errors, and hold whenever "
-                "one looks. The lower bounds of all designs that fail hold together, and so do the "
-                "upper ones of all that suffice. Of undecided designs both hold, of all of them "
-                f"together: with a confidence of {percent(q.terms.confidence)} no interval is "
-                "wrong."
-            ]),
+            "The bounds assume nothing about the distribution of the errors, and hold whenever one "
+            f"looks. The {fails} bounds of all designs that fail hold together, and so do the "
+            f"{suffices} ones of all that suffice. Of undecided designs both hold, of all of them "
+            f"together: with a confidence of {percent(q.terms.confidence)} no interval is wrong.",
             "A design is left alone as soon as it is decided, so the runs of designs differ.",
         ]
 

@@ -303,3 +303,33 @@ def percentile(
         float(ordered[few]) if few >= 0 else -np.inf,
         float(ordered[many - 1]) if many <= n else np.inf,
     )
+
+
+def share_bounds(passed: int, runs: int, rule: Rule, decided: bool = True) -> tuple[float, float]:
+    """Bounds of the share of an arm's runs that pass: what `percentile` is for a response.
+
+    Parameters
+    ----------
+    decided
+        Whether only the bound of the claim is stated. Otherwise both are, and hold at once.
+
+    Returns
+    -------
+    lower, upper
+        To 1e-4; 0 and 1 where there is no bound. No share below the lower one, and none above the
+        upper one, is compatible with the runs: for these the evidence against the share suffices.
+    """
+    each = rule.risk / (rule.designs * rule.conditions)
+    risks = (rule.risk / rule.designs, each) if decided else (each / 2, each / 2)
+    found = passed / runs if runs else 0.5
+    ends = []
+    for end, above, risk in ((0.0, True, risks[0]), (1.0, False, risks[1])):
+        refuted, kept = end, found
+        while abs(kept - refuted) > 1e-4:
+            middle = (refuted + kept) / 2
+            if evidence(passed, runs, middle, above) >= -log(risk):
+                refuted = middle
+            else:
+                kept = middle
+        ends.append(refuted)
+    return ends[0], ends[1]

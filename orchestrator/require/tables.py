@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from collections.abc import Mapping
+from typing import Any, Literal
 
 from ..data.tables import Columns, TableColumn
+from ..words.numbers import bounds
+from ..words.shares import percent_at_least, percent_at_most
+from .sequential import Rule, share_bounds
 
 DESIGNS = Columns(
     "DesignDecided",
@@ -36,3 +40,17 @@ CONDITIONS = Columns(
     ),
     more="a column for the level of each choice",
 )
+
+
+def surely(row: Mapping[Any, Any], rule: Rule, flag: str) -> str:
+    """Bounds of a design, in all conditions or in one: of the percentile of its response, or of the
+    share of its runs that are not ``flag``."""
+    if not flag:
+        return bounds(row["lower"], row["upper"])
+    verdict = row["verdict"]
+    low, high = share_bounds(row["passed"], row["runs"], rule, verdict != "undecided")
+    said = [
+        *([f"≥ {percent_at_least(low)}"] if low > 0 and verdict != "fails" else []),
+        *([f"≤ {percent_at_most(high)}"] if high < 1 and verdict != "suffices" else []),
+    ]
+    return ", ".join(said) or "–"

@@ -32,6 +32,11 @@ def column_percent(share: float) -> str:
     return "< 0.1 %" if 0 < share < 5e-4 else percent(share, ".1f")
 
 
+def interval_percent(low: float, high: float) -> str:
+    """``3–17``: an interval of a share, in whole per cents around it."""
+    return f"{floor(100 * low)}–{ceil(100 * high)}"
+
+
 def percent_at_least(share: float) -> str:
     """``98 %``, ``99.2 %``: a lower bound, rounded down."""
     digits = 0 if share < 0.99 else 1

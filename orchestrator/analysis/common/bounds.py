@@ -80,6 +80,11 @@ def share_bound(count: int, runs: int, risk: float) -> float:
     return 1.0 if count == runs else float(stats.beta.isf(risk, count + 1, runs - count))
 
 
+def share_interval(count: int, runs: int) -> tuple[float, float]:
+    """Clopper and Pearson's 95 % interval of a share."""
+    return 1 - share_bound(runs - count, runs, 0.025), share_bound(count, runs, 0.025)
+
+
 def percentile_bound(y: Floats, share: float, risk: float) -> tuple[float, float]:
     """The run at a percentile, by rank, and an upper bound of the percentile.
 

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ...analysis.common.bounds import share_interval
 from ...judge.consistency import NEES_COLUMNS, Verdict, of_runs
 from ...judge.over_runs import SUFFIX, rms_over_runs
 from ...results.responses import unit_of
-from .statistics import Difference, Floats, Level, difference, level, share_interval
+from .statistics import Difference, Floats, Level, difference, level
 
 PERCENTILE = "absolute_total_p95_m"
 """Responses that are always compared, besides the requested one."""

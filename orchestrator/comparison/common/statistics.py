@@ -168,11 +168,6 @@ def _tail(y: Floats) -> tuple[float, int]:
     return (float(squares[-worst:].sum()) / total if known else nan), worst
 
 
-def share_interval(count: int, runs: int) -> tuple[float, float]:
-    """Clopper and Pearson's 95 % interval of a share."""
-    return 1 - share_bound(runs - count, runs, ALPHA / 2), share_bound(count, runs, ALPHA / 2)
-
-
 @dataclass(frozen=True)
 class Difference:
     """A paired difference, one receiver minus another; less is better.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from math import ceil, floor, isfinite, isnan
+from math import isfinite, isnan
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
@@ -16,7 +16,13 @@ from ...layout import fitted, table
 from ...results.responses import RESPONSES, readable, unit_of
 from ...words.lists import listed
 from ...words.numbers import PRACTICAL_RUNS, interval, measured, rounded
-from ...words.shares import percent, percent_at_least, percent_at_most, rough_percent
+from ...words.shares import (
+    interval_percent,
+    percent,
+    percent_at_least,
+    percent_at_most,
+    rough_percent,
+)
 from ..common.evaluation import ALL, PERCENTILE
 from ..common.statistics import ALPHA, SHARE, least_runs
 from . import starts
@@ -475,7 +481,7 @@ def _misleading(row: Any, verbose: bool) -> str:
 
 def share_of_misleading(row: Any) -> str:
     """The interval of the share of misleading runs in a scenario, in whole per cents."""
-    return f"{floor(100 * row['misleading_low'])}–{ceil(100 * row['misleading_high'])}"
+    return interval_percent(row["misleading_low"], row["misleading_high"])
 
 
 def _covariance(row: Any) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from quick import few
+from sblcosim.analysis.common.bounds import share_interval
 from sblcosim.comparison.common.statistics import (
     CONTAMINATION,
     Difference,
@@ -17,7 +18,6 @@ from sblcosim.comparison.common.statistics import (
     level,
     mean_interval,
     rounded_up,
-    share_interval,
 )
 from scipy import optimize, stats
 from statsmodels.stats.proportion import proportion_confint

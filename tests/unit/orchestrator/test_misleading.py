@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import sblcosim
-from sblcosim.comparison.common.statistics import share_interval
+from sblcosim.analysis.common.bounds import share_interval
 from sblcosim.comparison.tournament import sentences
 from sblcosim.comparison.tournament.run import RESPONSE, Tournament, evaluate
 from sblcosim.data.description import RunDescription

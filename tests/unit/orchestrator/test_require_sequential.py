@@ -20,6 +20,7 @@ from sblcosim.require.sequential import (
     evidence,
     looks,
     percentile,
+    share_bounds,
     too_few,
 )
 from scipy import integrate, optimize, stats
@@ -283,3 +284,37 @@ def test_five_percent_of_bad_runs_goes_unseen_in_twenty() -> None:
     n = optimize.brentq(lambda n: 0.95**n - 0.05, 1, 100)
     assert int(np.ceil(n)) == 59
     assert Rule(0.95, 0.05, 1).verdict(20, 20) == "undecided"
+
+
+@pytest.mark.parametrize("share", [0.5, 0.95, 0.99])
+def test_a_claim_is_made_where_the_bound_of_the_share_passes_the_required_one(share: float) -> None:
+    rule = Rule(share, 0.05, designs=6, conditions=2)
+    for n in (96, 400, 3000):
+        least, most = rule.enough(n), rule.too_few(n)
+        assert least > n or share_bounds(least, n, rule)[0] > share - 2e-4
+        assert share_bounds(least - 1, n, rule)[0] < share
+        assert share_bounds(most, n, rule)[1] < share + 2e-4
+        assert share_bounds(most + 1, n, rule)[1] > share
+        for passed in range(0, n + 1, n // 8):
+            low, high = share_bounds(passed, n, rule)
+            wide = share_bounds(passed, n, rule, decided=False)
+            assert wide[0] <= low <= passed / n <= high <= wide[1]
+
+
+@pytest.mark.parametrize("share", [0.02, 0.4, 0.97])
+def test_bounds_of_a_share_hold_at_all_looks_at_once(share: float) -> None:
+    rule, wrong, many = Rule(0.9, 0.2, designs=1), 0, 150
+    for seed in range(many):
+        passed = np.cumsum(np.random.default_rng(seed).random(2000) < share)
+        at = (96, 192, 480, 1000, 2000)
+        bounds = [share_bounds(int(passed[n - 1]), n, rule, decided=False) for n in at]
+        wrong += any(not low <= share <= high for low, high in bounds)
+    assert stats.binom.sf(wrong - 1, many, 0.2) > 1e-3
+
+
+def test_without_runs_or_with_all_alike_a_bound_is_at_the_end() -> None:
+    rule = Rule(0.9, 0.05, designs=3)
+    assert share_bounds(0, 0, rule) == (0.0, 1.0)
+    for n in (96, 1000):
+        assert share_bounds(0, n, rule)[0] == 0 < share_bounds(0, n, rule)[1] < 0.1
+        assert share_bounds(n, n, rule)[1] == 1 > share_bounds(n, n, rule)[0] > 0.9

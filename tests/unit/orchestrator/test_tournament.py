@@ -17,8 +17,8 @@ import sblcosim
 import sblcosim.cli
 from drawn_texts import spoiled_texts
 from sblcosim import style
+from sblcosim.analysis.common.bounds import share_interval
 from sblcosim.comparison.common.evaluation import ALL, PERCENTILE
-from sblcosim.comparison.common.statistics import share_interval
 from sblcosim.comparison.many import run as many
 from sblcosim.comparison.tournament import (
     alike,
