@@ -43,28 +43,26 @@ def start(
     """
     count = min(_A_BEACON * len(np.unique(beacon)), len(time))
     t, r = time[:count] - time[0], range_[:count]
-    # About the beacons: the steps of the fit depend on the size of the numbers.
-    centre = place[:count, :2].mean(axis=0)
-    s, drop = place[:count, :2] - centre, down[:count] - place[:count, 2]
+    s, drop = place[:count], down[:count] - place[:count, 2]
     scale = max(3 * noise, 1e-3)
 
     def residuals(x: Floats) -> Floats:
-        at = x[:2] + t[:, None] * x[2:] - s
+        at = x[:2] + t[:, None] * x[2:] - s[:, :2]
         own = np.sqrt(np.sum(at**2, axis=1) + drop**2 + 1e-12) - r
         return np.concatenate([own / scale, x[2:] / _SPEED])
 
-    reach = float(np.median(r))
+    centre, reach = s[:, :2].mean(axis=0), float(np.median(r))
     angles = 2 * np.pi * np.arange(_STARTS) / _STARTS
-    around = reach * np.column_stack([np.cos(angles), np.sin(angles)])
+    around = centre + reach * np.column_stack([np.cos(angles), np.sin(angles)])
     fits = [
         least_squares(residuals, [*begin, 0.0, 0.0], loss="soft_l1")
-        for begin in (np.full(2, 1e-3), *around, *(around / 2))
+        for begin in (centre + 1e-3, *around, *((around + centre) / 2))
     ]
     best = min(fits, key=lambda it: it.cost)
     jacobian = np.asarray(best.jac, float)
     information = jacobian.T @ jacobian + 1e-9 * np.eye(4)
     std = scale * float(np.sqrt(np.trace(np.linalg.inv(information)[:2, :2])))
-    return np.append(best.x[:2] + centre, best.x[2:]), std
+    return best.x, std
 
 
 def smoothed(time: Floats, values: Floats, std: float, psd: float) -> tuple[Floats, float]:

@@ -195,7 +195,7 @@ def test_a_start_is_found_although_a_range_is_late() -> None:
     assert noise_of(time, ranges, beacon) < 0.3
 
 
-@pytest.mark.parametrize("moved", [(0.0, 0.0), (1024.0, -2048.0), (0.0, 2000.0), (-3000.0, 0.0)])
+@pytest.mark.parametrize("moved", [(0.0, 0.0), (1024.0, -2048.0), (0.0, 2000.0), (-1500.0, 900.0)])
 def test_a_start_is_the_same_wherever_the_zero_of_the_map_is(moved: tuple[float, float]) -> None:
     """Of six ranges one is late: from few of the first guesses the best fit is found."""
     beacons = np.array([[55.0, 45.0, 12.0], [52.0, 17.0, 12.0], [-51.0, -38.0, 12.0]])
