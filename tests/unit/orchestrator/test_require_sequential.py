@@ -23,6 +23,7 @@ from sblcosim.require.sequential import (
     share_bounds,
     too_few,
 )
+from sblcosim.require.tables import surely
 from scipy import integrate, optimize, stats
 
 Floats = NDArray[np.float64]
@@ -318,3 +319,17 @@ def test_without_runs_or_with_all_alike_a_bound_is_at_the_end() -> None:
     for n in (96, 1000):
         assert share_bounds(0, n, rule)[0] == 0 < share_bounds(0, n, rule)[1] < 0.1
         assert share_bounds(n, n, rule)[1] == 1 > share_bounds(n, n, rule)[0] > 0.9
+
+
+def test_a_decided_design_has_the_bound_of_its_claim_and_another_one_both() -> None:
+    rule = Rule(0.9, 0.05, designs=3)
+    row = {"passed": 600, "runs": 1000, "lower": 0.0, "upper": 1.0}
+    low, high = share_bounds(600, 1000, rule)
+    one, two = f"≥ {np.floor(100 * low):.0f} %", f"≤ {np.ceil(100 * high):.0f} %"
+    assert surely({**row, "verdict": "suffices"}, rule, "lost") == one
+    assert surely({**row, "verdict": "fails"}, rule, "lost") == two
+    low, high = share_bounds(600, 1000, rule, decided=False)
+    both = f"≥ {np.floor(100 * low):.0f} %, ≤ {np.ceil(100 * high):.0f} %"
+    assert surely({**row, "verdict": "undecided"}, rule, "lost") == both
+    assert surely({**row, "runs": 0, "passed": 0, "verdict": "undecided"}, rule, "lost") == "–"
+    assert surely({**row, "verdict": "fails"}, rule, "") == "≥ 0, ≤ 1"
