@@ -323,12 +323,12 @@ def test_without_runs_or_with_all_alike_a_bound_is_at_the_end() -> None:
 
 def test_a_decided_design_has_the_bound_of_its_claim_and_another_one_both() -> None:
     rule = Rule(0.9, 0.05, designs=3)
-    row = {"passed": 600, "runs": 1000, "lower": 0.0, "upper": 1.0}
-    low, high = share_bounds(600, 1000, rule)
+    row = {"passed": 32, "runs": 96, "lower": 0.0, "upper": 1.0}
+    low, high = share_bounds(32, 96, rule)
     one, two = f"≥ {np.floor(100 * low):.0f} %", f"≤ {np.ceil(100 * high):.0f} %"
     assert surely({**row, "verdict": "suffices"}, rule, "lost") == one
     assert surely({**row, "verdict": "fails"}, rule, "lost") == two
-    low, high = share_bounds(600, 1000, rule, decided=False)
+    low, high = share_bounds(32, 96, rule, decided=False)
     both = f"≥ {np.floor(100 * low):.0f} %, ≤ {np.ceil(100 * high):.0f} %"
     assert surely({**row, "verdict": "undecided"}, rule, "lost") == both
     assert surely({**row, "runs": 0, "passed": 0, "verdict": "undecided"}, rule, "lost") == "–"
