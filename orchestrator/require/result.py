@@ -350,7 +350,7 @@ class Requirement(Answer):
     def limited(self) -> str:
         """What limits the named design, and which change would suffice."""
         found, limit = self.limits, self.question.terms.limit
-        if not found.without:
+        if not found.without or (self.question.flag and found.everything <= limit):
             return ""
         share = percent(self.question.terms.share)
         helping = [(n, v) for n, v in found.without.items() if v < found.everything][:3]

@@ -1125,15 +1125,17 @@ def test_a_limit_other_than_0_is_refused_where_a_run_is_something_or_not(flag: s
     assert require.load(changed(limit=0, response=flag)).flag == flag
 
 
-@pytest.mark.parametrize("share", [0.01, 0.99])
+@pytest.mark.parametrize(("share", "levels"), [
+    (0.01, [0.1, 1.0, 3.5]), (0.99, [0.1, 1.0, 3.5]), (0.99, [1.0, 2.0, 3.5]),
+])  # fmt: skip
 def test_an_answer_on_what_a_run_is_or_is_not_speaks_of_no_size(
-    share: float, tmp_path: Path, seam: Seam
+    share: float, levels: list[float], tmp_path: Path, seam: Seam
 ) -> None:
     """Half a minute of the paper's filter is misleading in some runs."""
     seam.tuned(limiting_runs=40)
     answer = require.decide(changed(
         response="misleading", limit=0, share=share, most_runs=1500,
-        fixed={"time": {"duration_s": 30.0}},
+        fixed={"time": {"duration_s": 30.0}}, choices=choices("gps", levels=levels),
     ), tmp_path / "answer")  # fmt: skip
     page = (answer.save(tmp_path / "report") / "report.html").read_text("utf-8")
     assert "<svg" not in page
@@ -1145,7 +1147,10 @@ def test_an_answer_on_what_a_run_is_or_is_not_speaks_of_no_size(
     head, rows = answer.table(answer.designs)
     assert "not misleading" in head
     assert {len(row) for row in rows} == {len(head)}
-    assert f"{100 * share:g} % are not misleading with all errors" in answer.text()
+    # What limits a design is only asked where one must be better.
+    limited = "in 40 other runs, fewer than 99 % are not misleading with all errors"
+    assert (limited in answer.text().replace("\n  ", " ")) is (answer.chosen is None)
+    assert (answer.chosen is None) is (levels[0] == 1.0)
 
 
 def test_a_question_may_be_moved_with_its_files(tmp_path: Path, seam: Seam) -> None:
