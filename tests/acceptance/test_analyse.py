@@ -197,7 +197,8 @@ def test_figures_come_before_tables_and_each_point_says_what_went_wrong(tmp_path
                   for name in ("inconsistent", "lost", "misleading")]
         assert row[:4] == [str(point), *levels, "3"]
         assert float(row[4]) == pytest.approx(mine["ekf.absolute_total_rms_m"].mean(), rel=0.01)
-        assert row[5:] == shares
+        assert [cell.partition(" (")[0] for cell in row[5:]] == shares
+        assert ["–" in cell for cell in row[5:]] == [False, False, True]  # an interval
 
 
 def test_the_study_in_a_report_is_the_same_study(tmp_path: Path) -> None:
