@@ -124,7 +124,7 @@ def _overlaps(truth: Truth, log: Log) -> bool:
 def _estimated(truth: Truth, estimates: Estimates, begin: Alignment) -> Alignment | None:
     """The alignment with the smallest robust distance between truth and estimates.
 
-    None if too few estimates are within the truth with any.
+    None if no alignment leaves enough estimates within the truth.
     """
     at = estimates.epoch_ns / SECOND
     zero = at[0]

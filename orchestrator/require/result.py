@@ -353,16 +353,18 @@ class Requirement(Answer):
         if not found.without or (self.question.flag and found.everything <= limit):
             return ""
         share = percent(self.question.terms.share)
-        helping = [(n, v) for n, v in found.without.items() if v < found.everything][:3]
+        flag = self.question.flag
+        most = limit if flag else found.everything
+        helping = [(n, v) for n, v in found.without.items() if v < found.everything and v <= most]
         of_all = f"in {limiting.RUNS} other runs, {self._within(found.everything)} with all errors"
         text = f"No error alone limits it: {of_all}, and no less without any one of them."
         if helping:
-            (name, value), *rest = helping
-            most = f"It is limited most by {name}: {of_all}, and {share} would"
-            if flag := self.question.flag:  # each of these is enough
+            (name, value), *rest = helping[:3]
+            main = f"It is limited most by {name}: {of_all}, and {share} would"
+            if flag:  # each of these is enough
                 others = "".join(f" or without {name}" for name, _ in rest)
-                return f"{most} not be {flag} without this one{others}."
-            text = f"{most} be within {self._size(value)} without this one"
+                return f"{main} not be {flag} without this one{others}."
+            text = f"{main} be within {self._size(value)} without this one"
             text += "".join(f", {self._size(value)} without {name}" for name, value in rest) + "."
         if self.chosen is None and found.everything > limit:
             text += f" {enough(found, limit)}"

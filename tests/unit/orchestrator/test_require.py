@@ -1109,8 +1109,8 @@ def test_a_limit_of_0_is_refused_where_it_is_asked_for(tmp_path: Path) -> None:
 
 
 def test_a_design_that_is_named_though_another_one_beats_it_is_said_to_be() -> None:
-    """One that costs less and is not yet sure to suffice may have as good runs."""
-    answer = pretended(require.load(changed()), {**dict.fromkeys(range(6), 1.0)})
+    """A cheaper one that is not yet sure to suffice may have runs that are as good."""
+    answer = pretended(require.load(changed()), dict.fromkeys(range(6), 1.0))
     assert "beats in cost and accuracy:" in answer.text()
     beaten = replace(answer, designs=answer.designs.assign(front=False))
     assert "beats in cost and accuracy, and those named above:" in beaten.text()
@@ -1151,6 +1151,16 @@ def test_an_answer_on_what_a_run_is_or_is_not_speaks_of_no_size(
     limited = "in 40 other runs, fewer than 99 % are not misleading with all errors"
     assert (limited in answer.text().replace("\n  ", " ")) is (answer.chosen is None)
     assert (answer.chosen is None) is (levels[0] == 1.0)
+
+
+@pytest.mark.parametrize("everything", [1.0, np.inf])
+def test_only_what_is_enough_limits_a_run_that_is_something_or_not(everything: float) -> None:
+    question = require.load(changed(response="lost", limit=0))
+    answer = pretended(question, dict.fromkeys(range(6), 0.0))
+    without = {"the GPS": 0.0, "the tilt": 1.0, "the heading": 0.0, "the sea": everything}
+    told = replace(answer, limits=limiting.Limiting(everything, without, ())).limited()
+    assert re.match(r"It is limited most by the GPS: in \d+ other runs, fewer than 90 % ", told)
+    assert told.endswith(", and 90 % would not be lost without this one or without the heading.")
 
 
 def test_a_question_may_be_moved_with_its_files(tmp_path: Path, seam: Seam) -> None:
