@@ -1144,6 +1144,7 @@ def test_an_answer_on_what_a_run_is_or_is_not_speaks_of_no_size(
         assert "misleading" in text
         for size in ("% within", "are within", "be within", "within 0"):
             assert size not in text
+    assert any("The upper bounds of all designs that fail hold" in it for it in answer.notes())
     head, rows = answer.table(answer.designs)
     assert "not misleading" in head
     assert {len(row) for row in rows} == {len(head)}
