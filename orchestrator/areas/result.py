@@ -297,7 +297,7 @@ class AreaMap(OverPlaces):
     def _method(self) -> Iterator[str]:
         yield (
             "95 %: of the errors of all runs of a cell and its neighbours; each run is represented "
-            "by ten order statistics of its errors, the 5th, 15th … 95th percentile"
+            "by order statistics of its errors: the 5th, 15th … 75th, 81st, 83rd … 99th percentile"
         )
         if self.widened:
             yield (

@@ -1,4 +1,4 @@
-"""The runs of cells, and what is kept of each: ten percentiles of its errors."""
+"""The runs of cells, and what is kept of each: percentiles of its errors."""
 
 from __future__ import annotations
 

@@ -24,8 +24,11 @@ Integers = NDArray[np.int64]
 
 SHARE = 0.95
 """Of the errors, that a percentile is not exceeded by."""
-PERCENTAGES = tuple(range(5, 100, 10))
-"""Of the order statistics that stand for a run's errors: the middles of ten parts of equal size."""
+PERCENTAGES = (*range(5, 80, 10), *range(81, 100, 2))
+"""Of the order statistics that stand for a run's errors: the middles of eight tenths, and of ten
+parts of the largest fifth, where the percentile is if runs differ."""
+WEIGHTS = np.array([5.0] * 8 + [1.0] * 10)
+"""What each of them stands for, in fiftieths."""
 REACH = 2
 """Cells each way that are pooled with a cell."""
 DRAWS = 100
@@ -165,7 +168,7 @@ def _percentile(counted: _Counted, times: Floats, reach: int) -> Floats:
     """Logarithm of the percentile in each cell, each run counted as `times` says; (cells,)."""
     size = len(counted.edges) + 2
     rows, columns = counted.cells
-    each = np.broadcast_to(times[:, None], counted.index.shape).ravel()
+    each = (times[:, None] * WEIGHTS).ravel()
     binned = np.bincount(counted.index.ravel(), each, rows * columns * size).astype(np.float64)
     counts = neighbours(binned.reshape(rows, columns, size), reach).reshape(-1, size)
     below = np.cumsum(counts, axis=1)

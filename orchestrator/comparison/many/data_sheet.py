@@ -76,7 +76,8 @@ def _sentence(it: Tournament, receiver: str, scenario: Scenario, where: str) -> 
 
 
 def percentiles_of(it: Tournament, receiver: str) -> Floats:
-    """Of each run's errors of a receiver, `PERCENTAGES` [m]; NaN without an estimate; (runs, 10).
+    """Of each run's errors of a receiver, `PERCENTAGES` [m], (runs, len(PERCENTAGES)); NaN without
+    an estimate.
     """
     columns = it.table[[f"{receiver}.{own.name}" for own in RESPONSES]]
     return columns.to_numpy(np.float64, na_value=np.nan)

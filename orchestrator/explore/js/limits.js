@@ -3,6 +3,7 @@
 
 import { chiSquareBeyond } from "./distributions.js";
 import { causeOf, deviceOf } from "./names.js";
+import { WEIGHTS } from "./statistics.js";
 
 const ALL = "as it is", OFF = "without ", BETTER = "better ";
 const PART = 32; // dives with each switch before they are shown
@@ -120,7 +121,7 @@ function limitsOf(switches, { [ALL]: whole, ...others }, seed, draws) {
 
 // What goes away of the 95 % error, with intervals by drawing dives again.
 //
-// whole: ten percentiles of each dive as it is; others: of the same dives, by name; seed, draws: of
+// whole: PERCENTAGES of each dive as it is; others: of the same dives, by name; seed, draws: of
 // the drawing. Returns { within, shares: { name: { share, interval, spread } } }.
 function sharesOf(whole, others, seed, draws) {
   const all = sorted(whole), within = percentile(all, null);
@@ -148,21 +149,23 @@ function sharesOf(whole, others, seed, draws) {
 const isClear = ({ share, spread }, several) =>
   share > Math.sqrt(chiSquareBeyond(0.05 / Math.max(several, 1))) * spread;
 
-// Errors of all dives in increasing order, each with its dive.
+// Errors of all dives in increasing order, each with its dive and what it stands for.
 function sorted(lengths) {
-  const all = lengths.flatMap((own, dive) => Array.from(own, (it) => [Number.isNaN(it) ? Infinity : it, dive]));
+  const all = lengths.flatMap((own, dive) =>
+    Array.from(own, (it, p) => [Number.isNaN(it) ? Infinity : it, dive, WEIGHTS[p]]));
   all.sort(([a], [b]) => a - b || (a === b ? 0 : a < b ? -1 : 1));
-  return { values: Float64Array.from(all, ([it]) => it), dives: Int32Array.from(all, ([, it]) => it) };
+  const [values, dives, parts] = [0, 1, 2].map((at) => Float64Array.from(all, (it) => it[at]));
+  return { values, dives, parts };
 }
 
 // The error that a share of all errors does not exceed, dives counted by weights.
-function percentile({ values, dives }, weights) {
-  let total = values.length;
-  if (weights) { total = 0; for (const dive of dives) total += weights[dive]; }
+function percentile({ values, dives, parts }, weights) {
+  const part = (i) => weights ? parts[i] * weights[dives[i]] : parts[i];
+  let total = 0, sum = 0;
+  for (let i = 0; i < values.length; i++) total += part(i);
   const wanted = SHARE * total;
-  let sum = 0;
   for (let i = 0; i < values.length; i++) {
-    sum += weights ? weights[dives[i]] : 1;
+    sum += part(i);
     if (sum >= wanted) return values[i];
   }
   return Infinity;

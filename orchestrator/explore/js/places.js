@@ -1,6 +1,8 @@
 // Errors by place: dives that circle in the cells of an area, and what is possible there, as those of
 // `sblcosim map`.
 
+import { WEIGHTS } from "./statistics.js";
+
 const RADIUS = 3, DURATION = 60, MOST_TURNS = 1000, REACH = 2, SHARE = 0.95;
 const NOISE = ["depth_std_m", "depth_bias_m", "depth_bias_std_m", "sampling_time_s", "seed", "stream",
   "interval_s"];
@@ -92,7 +94,7 @@ function circling({ given, values }, depth) {
 }
 
 // Radius that holds 95 % of the errors in each cell and its neighbours [m], row by row; NaN where no
-// dive is known. cells: of each cell, the errors of its dives.
+// dive is known. cells: of each cell, PERCENTAGES of the errors of its dives, dive after dive.
 function withinOf(cells, rows, columns) {
   return Float64Array.from(cells, (_, at) => {
     if (!cells[at].length) return NaN;
@@ -102,7 +104,8 @@ function withinOf(cells, rows, columns) {
         const [y, x] = [row + i, column + j];
         if (y < 0 || x < 0 || y >= rows || x >= columns) continue;
         const weight = Math.exp(-(i * i + j * j) / 2);
-        for (const it of cells[y * columns + x]) all.push([Number.isNaN(it) ? Infinity : it, weight]);
+        cells[y * columns + x].forEach((it, p) =>
+          all.push([Number.isNaN(it) ? Infinity : it, weight * WEIGHTS[p % WEIGHTS.length]]));
       }
     all.sort(([a], [b]) => (a < b ? -1 : a > b ? 1 : 0));
     const wanted = SHARE * all.reduce((sum, [, weight]) => sum + weight, 0);

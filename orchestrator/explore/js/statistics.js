@@ -3,7 +3,9 @@
 import { binomialBelow, chiSquareBeyond, shareInterval, studentQuantile } from "./distributions.js";
 
 /** Percentages of a run's errors that stand for them; `orchestrator/judge/pooling.py`. */
-export const PERCENTAGES = [5, 15, 25, 35, 45, 55, 65, 75, 85, 95];
+export const PERCENTAGES = [5, 15, 25, 35, 45, 55, 65, 75, 81, 83, 85, 87, 89, 91, 93, 95, 97, 99];
+/** What each stands for, in fiftieths. */
+export const WEIGHTS = PERCENTAGES.map((it) => it < 80 ? 5 : 1);
 const LENGTH = 1, LENGTHS = 4; // the total error; see LENGTHS of lanes_driver.py
 const BEYOND_M = 1, MISLEADING_NEES = 15, MISLEADING_S = 20;
 const DEGREES = 3, TAIL = 0.001, MEDIAN = 2.3659738843753377, MANY_LOST = 0.05;
@@ -28,7 +30,7 @@ export function summaryOf(names, sums, order, duration) {
       order[(run * LENGTHS + LENGTH) * PERCENTAGES.length + p]);
     lengths.push(own);
     each.rms.push(rms);
-    each.p95.push(own[PERCENTAGES.length - 1]);
+    each.p95.push(own[PERCENTAGES.indexOf(95)]);
     each.nees.push(nees);
     each.lost.push(s("late_estimates") === 0 || s("late_error_square") > s("late_distance_square"));
     each.misleading.push(s("nees_estimates") > 0
@@ -75,10 +77,14 @@ function binsOf(logs, [low, high]) {
   const end = Math.max(high, low + 1e-9), step = (end - low) / inner;
   const first = low + step - low; // as between the first two edges
   const counts = new Float64Array(inner + 3);
-  for (const value of logs)
+  let all = 0;
+  logs.forEach((value, i) => {
+    const weight = WEIGHTS[i % WEIGHTS.length];
     counts[value === Infinity ? inner + 2
-      : Math.min(Math.max(Math.ceil((value - low) / first), 0), inner + 1)]++;
-  return { counts, inner, low, end, first, all: logs.length };
+      : Math.min(Math.max(Math.ceil((value - low) / first), 0), inner + 1)] += weight;
+    all += weight;
+  });
+  return { counts, inner, low, end, first, all };
 }
 
 function inBins({ counts, inner, low, end, first, all }, share) {
@@ -94,15 +100,19 @@ function inBins({ counts, inner, low, end, first, all }, share) {
 
 // Shares of the errors of all runs in bars of equal width; the last one has what is beyond.
 function histogramOf(lengths) {
-  const all = Float64Array.from(lengths.flat().filter(Number.isFinite)).sort();
-  if (!all.length) return { edges: [0, 1], shares: [0], beyond: 0 };
-  const most = all[Math.min(Math.ceil(0.99 * all.length), all.length) - 1] || 1;
+  const all = lengths.flatMap((own) => own.map((it, p) => [it, WEIGHTS[p]]))
+    .filter(([it]) => Number.isFinite(it)).sort(([one], [other]) => one - other);
+  const whole = all.reduce((sum, [, weight]) => sum + weight, 0);
+  if (!whole) return { edges: [0, 1], shares: [0], beyond: 0 };
+  let below = 0;
+  const most = all.find(([, weight]) => (below += weight) >= 0.99 * whole)[0] || 1;
   const size = 10 ** Math.floor(Math.log10(most / BARS * 2));
   const width = [1, 2, 5, 10].map((it) => it * size).find((it) => most / it <= BARS) ?? 10 * size;
   const count = Math.max(Math.ceil(most / width), 1), shares = new Array(count).fill(0);
   let beyond = 0;
-  for (const it of all)
-    if (it < count * width) shares[Math.floor(it / width)] += 1 / all.length; else beyond += 1 / all.length;
+  for (const [it, weight] of all)
+    if (it < count * width) shares[Math.floor(it / width)] += weight / whole;
+    else beyond += weight / whole;
   return { edges: Array.from({ length: count + 1 }, (_, i) => i * width), shares, beyond };
 }
 

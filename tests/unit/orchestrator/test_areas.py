@@ -271,6 +271,8 @@ def test_failed_runs_are_counted_by_what_is_said_of_them(seam: Seam) -> None:
 
 # --- Pooling -------------------------------------------------------------------------------------
 
+SIZE = len(pooling.PERCENTAGES)
+
 
 def sample_of(lengths_: Any, cells: int, each: int) -> runs.CellRuns:
     cell = np.repeat(np.arange(cells), each)
@@ -281,7 +283,7 @@ def sample_of(lengths_: Any, cells: int, each: int) -> runs.CellRuns:
 
 def test_the_percentile_is_that_of_the_weighted_errors_of_the_neighbours() -> None:
     draw = np.random.default_rng(5)
-    lengths_ = np.sort(draw.rayleigh(2.0, (35 * 30, 10)), axis=1)
+    lengths_ = np.sort(draw.rayleigh(2.0, (35 * 30, SIZE)), axis=1)
     scale = draw.uniform(1.0, 3.0, 35)
     sample = sample_of(lengths_ * np.repeat(scale, 30)[:, None], 35, 30)
     found = pooling.pooled(sample, scale, (5, 7), 1).percentile
@@ -290,7 +292,7 @@ def test_the_percentile_is_that_of_the_weighted_errors_of_the_neighbours() -> No
         i, j = rows - row, columns - column
         weight = np.where((abs(i) <= 2) & (abs(j) <= 2), np.exp(-(i**2 + j**2) / 2), 0.0)
         order = np.argsort(lengths_.ravel())
-        below = np.cumsum(np.repeat(weight, 10)[order])
+        below = np.cumsum((weight[:, None] * pooling.WEIGHTS).ravel()[order])
         exact = lengths_.ravel()[order][np.searchsorted(below, 0.95 * below[-1])]
         assert found[row * 7 + column] == pytest.approx(exact * scale[row * 7 + column], rel=0.01)
 
@@ -298,13 +300,13 @@ def test_the_percentile_is_that_of_the_weighted_errors_of_the_neighbours() -> No
 @pytest.mark.parametrize("least", [-7.0, 0.0, 7.0])
 def test_a_percentile_is_finer_than_the_bins_it_is_counted_in(least: float) -> None:
     """Of lengths whose logarithms are even over 70 bins of 0.01, 66 and a half bins from below."""
-    lengths_ = np.exp(least + np.linspace(0, 0.7, 20_000).reshape(2000, 10))
-    found = pooling.pooled(sample_of(lengths_, 1, 2000), np.ones(1), (1, 1), 1, reach=0)
+    lengths_ = np.exp(least + np.linspace(0, 0.7, 20_000)[:, None])
+    found = pooling.pooled(sample_of(lengths_, 1, 20_000), np.ones(1), (1, 1), 1, reach=0)
     assert np.log(found.percentile[0]) == pytest.approx(least + 0.95 * 0.7, abs=1e-4)
 
 
 def test_the_standard_error_is_that_of_new_runs_and_counts_a_run_once() -> None:
-    """Twenty experiments with new draws, and runs whose ten errors are one and the same."""
+    """Twenty experiments with new draws, and runs whose errors are one and the same."""
     draw = np.random.default_rng(6)
     shape, each = (6, 6), 20
     found, said = [], []
@@ -316,14 +318,15 @@ def test_the_standard_error_is_that_of_new_runs_and_counts_a_run_once() -> None:
     true = np.std(found, axis=0, ddof=1).mean()
     assert np.mean(said) == pytest.approx(true, rel=0.12)
     assert np.mean(found) == pytest.approx(np.sqrt(-2 * np.log(0.05)), rel=0.02)
-    # Ten independent errors in a run instead: a third of it.
-    free = np.sort(draw.rayleigh(1.0, (36 * each, 10)), axis=1)
+    # Independent errors in a run instead, of different weight: as twelve of them.
+    free = draw.rayleigh(1.0, (36 * each, SIZE))
+    number = pooling.WEIGHTS.sum() ** 2 / (pooling.WEIGHTS**2).sum()
     less = pooling.pooled(sample_of(free, 36, each), np.ones(36), shape, 1).std_error
-    assert less.mean() == pytest.approx(true / np.sqrt(10), rel=0.3)
+    assert less.mean() == pytest.approx(true / np.sqrt(number), rel=0.3)
 
 
 def test_runs_without_an_estimate_are_no_small_errors() -> None:
-    lengths_ = np.ones((40, 10))
+    lengths_ = np.ones((40, SIZE))
     lengths_[:2] = np.inf  # half of cell 0: 29, 13 and 3 % of the weight in the first three cells
     found = pooling.pooled(sample_of(lengths_, 10, 4), np.ones(10), (10, 1), 1)
     assert np.isinf(found.percentile[:2]).all()
@@ -1014,7 +1017,7 @@ def test_a_map_of_beacons_on_the_bottom_is_of_their_model(error: str) -> None:
 def test_the_standard_error_is_in_the_unit_of_its_cell() -> None:
     """Errors that are multiples of what is possible: percentile and standard error are, too."""
     draw = np.random.default_rng(8)
-    multiples = np.sort(draw.rayleigh(1.0, (24 * 20, 10)), axis=1)
+    multiples = np.sort(draw.rayleigh(1.0, (24 * 20, SIZE)), axis=1)
     scale = draw.uniform(0.2, 5.0, 24)
     one = pooling.pooled(sample_of(multiples, 24, 20), np.ones(24), (4, 6), 3)
     scaled = sample_of(multiples * np.repeat(scale, 20)[:, None], 24, 20)
@@ -1030,15 +1033,15 @@ def test_the_standard_error_is_in_the_unit_of_its_cell() -> None:
 def test_the_standard_error_is_that_of_the_same_draws_counted_one_by_one() -> None:
     """Also where a draw's percentile lies far out: such draws count as `_AROUND` away."""
     draw = np.random.default_rng(9)
-    lengths_ = np.sort(draw.rayleigh(1.0, (2, 60, 10)), axis=2)
+    lengths_ = np.sort(draw.rayleigh(1.0, (2, 60, SIZE)), axis=2)
     lengths_[0, :2] = 40.0  # 3 % of the errors, and more than 5 % in some of the draws
     lengths_[1, :1] = 1e-9
-    sample = sample_of(lengths_.reshape(120, 10), 2, 60)
+    sample = sample_of(lengths_.reshape(120, SIZE), 2, 60)
     found = pooling.pooled(sample, np.ones(2), (1, 2), 4, reach=0)
 
     def percentile(cell: int, times: Any) -> float:
         order = np.argsort(lengths_[cell], axis=None)
-        below = np.cumsum(np.repeat(times, 10)[order])
+        below = np.cumsum((np.asarray(times)[:, None] * pooling.WEIGHTS).ravel()[order])
         return float(lengths_[cell].ravel()[order][np.searchsorted(below, 0.95 * below[-1])])
 
     middle = [percentile(cell, np.ones(60)) for cell in range(2)]
@@ -1057,7 +1060,7 @@ def test_cells_with_more_runs_than_others_count_each_run_once() -> None:
     cell = np.array([0, 1, 2, 3, 1, 1, 1, 3])
     lost = np.array([0, 1, 0, 1, 0, 0, 1, 0], bool)
     available = np.array([1.0, 0.2, 0.9, 0.6, 0.4, 0.6, 0.8, 0.0])
-    sample = runs.CellRuns(cell, np.ones((8, 10)), lost, available, np.ones(8))
+    sample = runs.CellRuns(cell, np.ones((8, SIZE)), lost, available, np.ones(8))
     with Seam() as seam:
         seam.instead(runs.Simulator.run, lambda *_: sample)
         given = surveyed(cells=2, runs=1)
@@ -1070,7 +1073,7 @@ def test_cells_with_more_runs_than_others_count_each_run_once() -> None:
     assert (summary["runs"], summary["extra_runs"]) == (8, 4)
     assert summary["lost_share"] == 3 / 8
     # A cell with more runs weighs more among its neighbours, run by run.
-    large = np.where((cell == 1)[:, None], 3.0, 1.0) * np.ones((8, 10))
+    large = np.where((cell == 1)[:, None], 3.0, 1.0) * np.ones((8, SIZE))
     many = runs.CellRuns(cell, large, lost, available, available)
     found = pooling.pooled(many, np.ones(4), (2, 2), 1)
     weights = {0: np.exp(-0.5), 1: 1.0, 2: np.exp(-1.0), 3: np.exp(-0.5)}

@@ -285,7 +285,8 @@ def pooled_cells() -> dict[str, Any]:
     found: dict[str, Any] = {}
     for seed, (shape, reach) in enumerate([((5, 6), 0), ((5, 6), 1), ((8, 3), 2), ((1, 9), 1)]):
         count = shape[0] * shape[1]
-        runs = Cells(np.repeat(np.arange(count), 4), np.sort(drawn(seed, 4 * count, 10)))
+        lengths_ = np.sort(drawn(seed, 4 * count, len(pooling.PERCENTAGES)))
+        runs = Cells(np.repeat(np.arange(count), 4), lengths_)
         runs.lengths[:5] = np.inf
         possible = drawn(seed + 50, count)
         possible[2] = 0.0

@@ -286,7 +286,7 @@ ORDERED = {
     "run": "95 % within, and the other percentages: order statistics, of n errors the one of rank ",
     "many": "95 % in a run: an order statistic, of a run's n errors the one of ",
     "require": "is an order statistic: of n runs, the one of rank 0.95 n, rounded up.",
-    "map": "each run is represented by ten order statistics of its errors",
+    "map": "each run is represented by order statistics of its errors",
     "study": ORDER_STATISTIC,
 }
 """What is said of percentiles by what prints them."""

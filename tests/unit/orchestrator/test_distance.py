@@ -21,7 +21,7 @@ from sblcosim.areas.rings import Rings, rings_of
 from sblcosim.comparison.many import data_sheet as of_many
 from sblcosim.errors import ConfigurationError
 from sblcosim.fmus.build.factory import build
-from sblcosim.judge.pooling import effective, neighbours
+from sblcosim.judge.pooling import PERCENTAGES, effective, neighbours
 from sblcosim.limits import places, unknown
 from sblcosim.models.settings.presets import preset
 from sblcosim.results import data_sheet
@@ -406,10 +406,26 @@ def test_the_bound_of_many_runs_holds_for_few_and_wild_ones() -> None:
     for seed in range(25):
         scale = rng.lognormal(0.0, 0.6, 100)
         lengths = scale[:, None] * np.abs(rng.normal(size=(100, 200)))
-        ten = np.percentile(lengths, np.arange(5, 100, 10), axis=1).T
+        kept = np.percentile(lengths, PERCENTAGES, axis=1).T
         other = rng.lognormal(0.0, 0.6, 20_000) * np.abs(rng.normal(size=20_000))
-        held.append((other <= of_many.bound_of(ten, seed)).mean() >= 0.95)
+        held.append((other <= of_many.bound_of(kept, seed)).mean() >= 0.95)
     assert np.mean(held) >= 0.84
+
+
+@pytest.mark.parametrize("rare", [0.02, 0.1, 0.3])
+@pytest.mark.parametrize("spread", [0.0, 0.4, 0.8, 1.2])
+def test_the_radius_of_many_runs_holds_its_share_however_they_differ(
+    spread: float, rare: float
+) -> None:
+    """Runs of different size, with wild stretches or without."""
+    rng = np.random.default_rng(int(100 * (spread + rare)))
+    scale = rng.lognormal(0.0, spread, 2_000)
+    wild = rng.random((2_000, 400)) < rare * rng.random((2_000, 1)) ** 3  # few in most runs
+    lengths = scale[:, None] * np.abs(rng.normal(size=(2_000, 400))) * np.where(wild, 8.0, 1.0)
+    kept = np.percentile(lengths, PERCENTAGES, axis=1, method="inverted_cdf").T
+    radius, std_error = of_many.radius_of(kept, 0)
+    assert (lengths <= radius).mean() == pytest.approx(0.95, abs=0.0025)
+    assert 0 < std_error < 0.2 * radius
 
 
 # --- Conditions ----------------------------------------------------------------------------------
