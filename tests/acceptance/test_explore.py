@@ -33,11 +33,14 @@ from explored import (
     values,
 )
 from quick import few
+from sblcosim.areas.motion import Circle, circling
 from sblcosim.comparison.budget import sources
 from sblcosim.comparison.many.run import run_many
 from sblcosim.errors import ConfigurationError, SblcosimError
 from sblcosim.explore.contents import contents, is_possible
 from sblcosim.explore.page import render
+from sblcosim.judge.pooling import PERCENTAGES, WEIGHTS
+from sblcosim.results.responses import Percentile, Run, value_of
 from sblcosim.scenario.scenario import Scenario, load
 from sblcosim.scenario.schema import FILES, TABLES
 from sblcosim.web.playback import of_record
@@ -321,6 +324,27 @@ def test_water_is_better_near_the_beacons(told: Mapping[str, Any], tmp_path: Pat
     near, *_, far = here["water"]["values"]
     assert 0 < near < far
     assert [here["water"]["n"], here["water"]["done"], here["water"]["depth"]] == [4, 4, 5.0]
+
+
+def test_water_has_the_percentile_of_the_dives_of_the_command_line(
+    told: Mapping[str, Any], tmp_path: Path
+) -> None:
+    """Of one cell: its ten dives one by one, each order statistic with what it stands for."""
+    grid = {"north": [20.0], "east": [-10.0], "size": 10.0, "depth": 5.0}
+    job = {"settings": {"receivers": ["ekf"], "seed": 7}, "water": grid}
+    (here,) = answers(told, [job], tmp_path)
+    moving = circling(load(NAME, {"seed": 7}), Circle(3.0, 0.3), 5.0, 60.0)
+    lengths = []
+    for seed in range(7, 17):
+        run = sblcosim.run(moving, "ekf", {
+            "seed": seed, "target.center_m": [20.0, -10.0], "target.heading_deg": 0.0,
+        })  # fmt: skip
+        seen = Run(run.record, "ekf", 20 * 10**9)
+        lengths += [value_of(Percentile("absolute_total", p), seen) for p in PERCENTAGES]
+    order = np.argsort(lengths)
+    below = np.cumsum(np.tile(WEIGHTS, 10)[order])
+    expected = np.array(lengths)[order][np.searchsorted(below, 0.95 * below[-1])]
+    assert here["water"]["values"] == [pytest.approx(expected, rel=1e-12)]
 
 
 @pytest.mark.parametrize(
