@@ -98,7 +98,7 @@ def _conditions(answer: Requirement) -> Section:
             ["Design", "Condition", "Verdict", *size, "Surely", "Passed", "Runs"],
             [[answer.short(row["design"]), row["condition"], row["verdict"],
               *["lost" if row["estimate"] == inf else figure(row["estimate"]) for _ in size],
-              surely(row, q.rule, q.flag), f"{row['passed']:,}", f"{row['runs']:,}"]
+              surely(row, q.flag), f"{row['passed']:,}", f"{row['runs']:,}"]
              for row in named.to_dict(orient="records")],
             (1, 2),
         ))  # fmt: skip

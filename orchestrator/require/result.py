@@ -481,7 +481,7 @@ class Requirement(Answer):
                 *["lost" if row["estimate"] == np.inf else figure(row["estimate"]) for _ in size],
                 *([q.price(row["cost"])] if q.costs else []),
                 self._share(number) if row["runs"] else "–",
-                surely(row, q.rule, q.flag), f"{row['runs']:,}",
+                surely(row, q.flag), f"{row['runs']:,}",
             ]
             for number, row in zip(designs.index, designs.to_dict(orient="records"), strict=True)
         ]  # fmt: skip

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import isnan
 from typing import Any, Literal
+
+import numpy as np
 
 from ..data.tables import Columns, TableColumn
 from ..words.numbers import bounds
 from ..words.shares import percent_at_least, percent_at_most
-from .sequential import Rule, share_bounds
+from .sequential import Decision, Rule, share_bounds
 
 DESIGNS = Columns(
     "DesignDecided",
@@ -27,6 +30,9 @@ DESIGNS = Columns(
         TableColumn("lower", "Lower bound of the percentile; null where none is claimed, as for a "
                     "design that suffices."),
         TableColumn("upper", "Upper bound of the percentile; null for a design that fails."),
+        TableColumn("share_lower", "Lower bound of the share of all runs that pass, of a response "
+                    "that a run is or is not; null where none is claimed, and of other responses."),
+        TableColumn("share_upper", "Upper bound of this share."),
         TableColumn("front", "No other design is cheaper and better.", type=bool),
     ),
     more="a column for the level of each choice",
@@ -42,15 +48,25 @@ CONDITIONS = Columns(
 )
 
 
-def surely(row: Mapping[Any, Any], rule: Rule, flag: str) -> str:
+def claimed_share(
+    passed: int, runs: int, rule: Rule, verdict: Decision
+) -> tuple[float, float]:
+    """Bounds of the share of an arm's runs that pass, NaN where none is claimed."""
+    low, high = share_bounds(passed, runs, rule, verdict != "undecided")
+    return (
+        low if low > 0 and verdict != "fails" else np.nan,
+        high if high < 1 and verdict != "suffices" else np.nan,
+    )
+
+
+def surely(row: Mapping[Any, Any], flag: str) -> str:
     """Bounds of a design, in all conditions or in one: of the percentile of its response, or of the
     share of its runs that are not ``flag``."""
     if not flag:
         return bounds(row["lower"], row["upper"])
-    verdict = row["verdict"]
-    low, high = share_bounds(row["passed"], row["runs"], rule, verdict != "undecided")
+    low, high = row["share_lower"], row["share_upper"]
     said = [
-        *([f"≥ {percent_at_least(low)}"] if low > 0 and verdict != "fails" else []),
-        *([f"≤ {percent_at_most(high)}"] if high < 1 and verdict != "suffices" else []),
+        *([] if isnan(low) else [f"≥ {percent_at_least(low)}"]),
+        *([] if isnan(high) else [f"≤ {percent_at_most(high)}"]),
     ]
     return ", ".join(said) or "–"

@@ -16,6 +16,7 @@ from .limiting import Limiting, limiting
 from .question import Question, passable
 from .result import Requirement
 from .sequential import Decision, Elimination, percentile
+from .tables import claimed_share
 
 Floats = NDArray[np.float64]
 
@@ -81,11 +82,14 @@ def _arms(
             # exist.
             lower = -np.inf if verdict == "suffices" else lower
             upper = np.inf if verdict == "fails" else upper
+            runs, passed = (int(it[number, at]) for it in (elimination.seen, elimination.passed))
+            least, most = np.nan, np.nan
+            if question.flag:
+                least, most = claimed_share(passed, runs, question.rule, verdict)
             rows.append({
                 "design": number, "condition": question.named(dict(condition)), "verdict": verdict,
-                "runs": int(elimination.seen[number, at]),
-                "passed": int(elimination.passed[number, at]),
-                "estimate": estimate, "lower": lower, "upper": upper,
+                "runs": runs, "passed": passed, "estimate": estimate, "lower": lower,
+                "upper": upper, "share_lower": least, "share_upper": most,
             })  # fmt: skip
     return pd.DataFrame(rows)
 

@@ -55,6 +55,8 @@ class Runs(Document):
     seed: int
     """Seed of the first run."""
     receivers: list[str]
+    within_m: dict[str, Number]
+    """Radius that holds 95 % of the estimates of all runs, by receiver."""
     data_sheet: list[str]
     """A sentence for a data sheet for each receiver, or why there is none."""
     levels: list[Level]

@@ -238,6 +238,7 @@ class Many(Answer):
         plain: dict[str, Any] = artifacts.plain({
             "scenario_name": self.scenario_name,
             "answer": self.answer,
+            "within_m": self.within_m,
             "data_sheet": self.data_sheet,
             "runs": self.runs.settings["runs"],
             "seed": self.runs.settings["seed"],

@@ -10,6 +10,7 @@ import shutil
 import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,7 @@ from sblcosim.require.question import Question, passable
 from sblcosim.require.result import Requirement, missing
 from sblcosim.require.run import decided
 from sblcosim.require.sequential import Elimination, Rule, looks, percentile
+from sblcosim.require.tables import claimed_share
 from sblcosim.require.weighing import answered
 from sblcosim.results.figures.drawing import free_places
 from sblcosim.results.responses import FLAGS, RESPONSES, check_limit
@@ -1145,6 +1147,11 @@ def test_an_answer_on_what_a_run_is_or_is_not_speaks_of_no_size(
         for size in ("% within", "are within", "be within", "within 0"):
             assert size not in text
     assert any("The upper bounds of all designs that fail hold" in it for it in answer.notes())
+    for row in answer.designs.to_dict(orient="records"):
+        low, high = claimed_share(row["passed"], row["runs"], answer.question.rule, row["verdict"])
+        assert isfinite(low) or row["verdict"] != "suffices"
+        assert isfinite(high) or row["verdict"] != "fails"
+        np.testing.assert_array_equal([row["share_lower"], row["share_upper"]], [low, high])
     head, rows = answer.table(answer.designs)
     assert "not misleading" in head
     assert {len(row) for row in rows} == {len(head)}

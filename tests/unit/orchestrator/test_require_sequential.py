@@ -23,7 +23,7 @@ from sblcosim.require.sequential import (
     share_bounds,
     too_few,
 )
-from sblcosim.require.tables import surely
+from sblcosim.require.tables import claimed_share, surely
 from scipy import integrate, optimize, stats
 
 Floats = NDArray[np.float64]
@@ -323,13 +323,17 @@ def test_without_runs_or_with_all_alike_a_bound_is_at_the_end() -> None:
 
 def test_a_decided_design_has_the_bound_of_its_claim_and_another_one_both() -> None:
     rule = Rule(0.9, 0.05, designs=3)
-    row = {"passed": 32, "runs": 96, "lower": 0.0, "upper": 1.0}
+
+    def said(verdict: Decision, passed: int = 32, runs: int = 96) -> str:
+        low, high = claimed_share(passed, runs, rule, verdict)
+        return surely({"share_lower": low, "share_upper": high}, "lost")
+
     low, high = share_bounds(32, 96, rule)
     one, two = f"≥ {np.floor(100 * low):.0f} %", f"≤ {np.ceil(100 * high):.0f} %"
-    assert surely({**row, "verdict": "suffices"}, rule, "lost") == one
-    assert surely({**row, "verdict": "fails"}, rule, "lost") == two
+    assert said("suffices") == one
+    assert said("fails") == two
     low, high = share_bounds(32, 96, rule, decided=False)
     both = f"≥ {np.floor(100 * low):.0f} %, ≤ {np.ceil(100 * high):.0f} %"
-    assert surely({**row, "verdict": "undecided"}, rule, "lost") == both
-    assert surely({**row, "runs": 0, "passed": 0, "verdict": "undecided"}, rule, "lost") == "–"
-    assert surely({**row, "verdict": "fails"}, rule, "") == "≥ 0, ≤ 1"
+    assert said("undecided") == both
+    assert said("undecided", 0, 0) == "–"
+    assert surely({"lower": 0.0, "upper": 1.0}, "") == "≥ 0, ≤ 1"
