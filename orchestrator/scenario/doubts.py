@@ -111,15 +111,25 @@ def _of_waves(scenario: Scenario) -> Iterator[str]:
 
 
 def _of_arrangement(scenario: Scenario) -> Iterator[str]:
-    """Ambiguities due to the beacons' arrangement."""
+    """Beacons above the water, and ambiguities due to their arrangement."""
     platform = scenario.platform
     if platform.fmu:
         return
+    is_given = platform.arrangement == "given"
+    depths = beacons_of(platform)[2::3]
+    dry = [number for number, depth in enumerate(depths, 1) if depth < 0]
+    if dry:
+        rows = "" if len(dry) == 1 else f", likewise {len(dry) - 1} more of {len(depths)} beacons"
+        yield (
+            f"{scenario.where('platform', 'beacon_m' if is_given else 'beacon_depth_m')}: beacons "
+            f"should be under water (down is positive), got beacon {dry[0]} at a depth of "
+            f"{depths[dry[0] - 1]:g} m{rows}"
+        )
     problem = alike(
         "degenerate", id(platform), lambda: arrangement.degenerate(beacons_of(platform)), platform
     )
     if problem is not None:
-        key = "beacon_m" if platform.beacon_m else "arm_length_m"
+        key = "beacon_m" if is_given else "arm_length_m"
         yield f"{scenario.where('platform', key)}: {problem}"
 
 

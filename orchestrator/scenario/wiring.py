@@ -339,7 +339,13 @@ def _stop_ns(scenario: Scenario, parts: Mapping[str, UnconnectedComponent]) -> i
                 )
             raise ConfigurationError(
                 f"{scenario.where('time', 'duration_s')}: must be a number for a target that does "
-                f"not state when its path ends, got 'path'"
+                f"not state when its path ends, or whose path has no length, got 'path'"
+            )
+        if nanoseconds(duration) < common:
+            raise ConfigurationError(
+                f"{scenario.where('time', 'duration_s')}: must be at least {common / SECOND:g} s, "
+                f"the least common multiple of all intervals, got 'path', which takes "
+                f"{duration:.6g} s"
             )
     return nanoseconds(duration)
 

@@ -205,6 +205,7 @@ def test_what_contradicts_is_refused_in_the_same_words(
 ENDS = (
     {"time.duration_s": 0.5}, {"target.speed_m_s": 0.0}, {"time.ekf_ratio": 1000},
     {"target.trajectory": "white_noise_acceleration"},
+    {"target.trajectory": "waypoints", "target.waypoint_m": [[3.0, 4.0, 5.0]] * 2},
 )
 """Keys with which a run has no end, or ends too early."""
 

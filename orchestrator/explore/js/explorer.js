@@ -61,7 +61,7 @@ import { drawsLosses } from "./area.js";
 import { isOnTrack, isUnderWay } from "./boat.js";
 import { problemsOf, problemsOfTimes } from "./checks.js";
 import { beaconsOf, filled } from "./filling.js";
-import { brief, nanoseconds, settled, textOf, written } from "./numbers.js";
+import { brief, nanoseconds, settled, written } from "./numbers.js";
 import { causesOf, hasEffect, switchesOf } from "./limits.js";
 import { possibleWaterOf, waterOf } from "./places.js";
 import { isNeeded, togetherOf } from "./possible.js";
@@ -420,8 +420,8 @@ export class Explorer {
         `the least common multiple of all intervals, got ${written(asked)}`);
     const duration = asked === PATH ? this.#pathDuration(state, interval.target, seed) : nanoseconds(asked);
     if (duration < common)
-      throw refusal("time.duration_s", "system: the run must be at least as long as the least common " +
-        `multiple of all communication intervals, ${textOf(common)}, got ${textOf(duration)}`);
+      throw refusal("time.duration_s", `[time] duration_s: must be at least ${brief(Number(common) / 1e9)} s, ` +
+        `the least common multiple of all intervals, got 'path', which takes ${brief(Number(duration) / 1e9)} s`);
     const { stop } = stopOf(all, duration), instants = countOf(all, stop);
     if (instants > MOST_INSTANTS)
       throw refusal("time.duration_s", `[time] duration_s: a run in a page must have at most ` +
@@ -454,7 +454,7 @@ export class Explorer {
       throw refusal("target.speed_m_s", "[target] speed_m_s: must be more than 0 for a run until the end of the " +
         "path ([time] duration_s is 'path'), got 0.0");
     throw refusal("time.duration_s", "[time] duration_s: must be a number for a target that does not state when " +
-      "its path ends, got 'path'");
+      "its path ends, or whose path has no length, got 'path'");
   }
 
   // The plan of a state; record: for one dive.

@@ -52,6 +52,21 @@ def test_waypoints_that_nobody_follows_are_not_told() -> None:
     assert not said({"target.waypoint_m": rows, "target.trajectory": "semicircle"})
 
 
+def test_beacons_above_the_water_are_told() -> None:
+    rows = [[20.0, 0.0, 3.0], [-20.0, 0.0, -0.5], [0.0, 20.0, 0.0], [0.0, -20.0, -2.0]]
+    (line,) = said({"platform.beacon_m": rows})
+    assert line == (
+        "override platform.beacon_m: beacons should be under water (down is positive), got beacon "
+        "2 at a depth of -0.5 m, likewise 1 more of 4 beacons"
+    )
+    (line,) = said({"platform.beacon_m": [[*row[:2], abs(row[2])] for row in rows[:3]] + rows[3:]})
+    assert line.endswith("got beacon 4 at a depth of -2 m")
+    (line,) = said({"platform.beacon_depth_m": -1.5})
+    assert line.startswith("override platform.beacon_depth_m: beacons should be under water")
+    assert line.endswith("got beacon 1 at a depth of -1.5 m, likewise 3 more of 4 beacons")
+    assert not said({"platform.beacon_depth_m": 0.0})
+
+
 # Sound -------------------------------------------------------------------------------------------
 
 

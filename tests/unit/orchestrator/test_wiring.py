@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Callable, Mapping
 from math import pi
@@ -352,3 +353,20 @@ def test_a_run_shorter_than_an_interval_is_a_matter_of_the_key() -> None:
         "intervals, got 0.05"
     )
     assert connect(load("realistic-dive", {"time.duration_s": 1.0})).stop_ns == 10**9
+    with pytest.raises(ConfigurationError) as caught:
+        connect(load("harbour-square", {"time.sampling_time_s": 1000.0}))
+    assert re.fullmatch(
+        r"harbour-square: \[time\] duration_s: must be at least 1000 s, the least common multiple "
+        r"of all intervals, got 'path', which takes \d{3}\.?\d* s", str(caught.value)
+    )
+
+
+def test_a_path_without_length_has_no_end() -> None:
+    twice = {"target.trajectory": "waypoints", "target.waypoint_m": [[3.0, 4.0, 5.0]] * 2}
+    with pytest.raises(ConfigurationError) as caught:
+        connect(load("harbour-square", twice))
+    assert str(caught.value) == (
+        "harbour-square: [time] duration_s: must be a number for a target that does not state when "
+        "its path ends, or whose path has no length, got 'path'"
+    )
+    assert connect(load("harbour-square", twice | {"time.duration_s": 5.0})).stop_ns == 5 * 10**9
