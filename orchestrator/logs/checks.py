@@ -15,6 +15,7 @@ from ..data.estimates import Estimates, Flags, Floats, Integers
 from ..data.truth import Truth
 from ..data.turns import turned
 from ..errors import ConfigurationError, nearest, quoted, shortened
+from ..scenario.doubts import of_sound_speed
 from ..words.lists import first_of, listed
 from .columns import AT_ARRIVAL, FARTHEST, FROM_DIVER, KINDS, SIGNED, TABLES, TIMES
 from .log import Log, Receptions
@@ -60,6 +61,8 @@ def log_of(raw: Raw) -> Log:
         A column is missing, or what the log says about itself is wrong.
     """
     meta, remarks = meta_of(raw.meta, raw.where)
+    problem = of_sound_speed(meta.sound_speed_m_s)
+    remarks += [] if problem is None else [f"{raw.where}: sound_speed_m_s: {problem}"]
     remarks += _unknown_columns(raw)
     entries = {name: len(table) for name, table in raw.tables.items()}
     for finding in raw.findings:  # of lines that are in no table
@@ -151,10 +154,14 @@ def _renamed(raw: Raw, table: pd.DataFrame) -> pd.DataFrame:
         table = table.rename(columns={"time_ns": "arrival_ns"})
     for either in (("beacon",), ("range_m", "time_of_flight_s"), ("arrival_ns", "epoch_ns")):
         if not {*either} & {*table.columns}:
-            close = nearest(either[0], [str(c) for c in table.columns])
+            ours = {"arrival_ns", "epoch_ns"}  # from columns of other units
+            added = {"line"} | (ours if ({*TIME_COLUMNS} - ours) & {*table.columns} else set())
+            columns = [str(c) for c in table.columns if c not in added]
+            meant = [(c, nearest(c, either).removesuffix("?")) for c in columns]
+            close = next((f"{it} by {quoted(c)}?" for c, it in meant if it), "")
             raise ConfigurationError(
                 f"{file}: must have a column {' or '.join(either)}, got "
-                f"{first_of([quoted(str(c)) for c in table.columns], 8) or 'none'}{close}"
+                f"{first_of([*map(quoted, columns)], 8) or 'none'}{close}"
             )
     if "line" not in table:
         table["line"] = 0

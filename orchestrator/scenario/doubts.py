@@ -86,14 +86,18 @@ def _of_waypoints(scenario: Scenario) -> Iterator[str]:
 
 def _of_sound(scenario: Scenario) -> Iterator[str]:
     """Speeds of sound that no water has."""
-    low, high = SOUND
     for key in ("sound_speed_m_s", "assumed_sound_speed_m_s"):
-        speed = getattr(scenario.acoustics, key)
-        if scenario.acoustics.fmu is None and not low <= speed <= high:
-            yield (
-                f"{scenario.where('acoustics', key)}: should be from {low:g} to {high:g} m/s, as "
-                f"in water, got {speed:g} m/s"
-            )
+        problem = of_sound_speed(getattr(scenario.acoustics, key))
+        if scenario.acoustics.fmu is None and problem is not None:
+            yield f"{scenario.where('acoustics', key)}: {problem}"
+
+
+def of_sound_speed(speed: float) -> str | None:
+    """Why a speed of sound [m/s] may be a mistake: no water has it."""
+    low, high = SOUND
+    if low <= speed <= high:
+        return None
+    return f"should be from {low:g} to {high:g} m/s, as in water, got {speed:g} m/s"
 
 
 def _of_waves(scenario: Scenario) -> Iterator[str]:

@@ -203,9 +203,24 @@ def test_depths_of_a_log_in_the_plane_are_said_to_be_unused(tmp_path: Path) -> N
     assert log.remarks == ("depths are not used: the log has dimension = 2",)
 
 
+@pytest.mark.parametrize(("speed", "told"), [(1.5, True), (1349.0, True), (1500.0, False)])
+def test_a_speed_of_sound_that_no_water_has_is_told(
+    tmp_path: Path, speed: float, told: bool
+) -> None:
+    meta = log_samples.own()["meta.toml"].splitlines()
+    meta = [f"sound_speed_m_s = {speed}", *(it for it in meta if "sound_speed" not in it)]
+    log = _read(tmp_path, **{"meta.toml": "\n".join(meta)})
+    said = f"sound_speed_m_s: should be from 1350 to 1650 m/s, as in water, got {speed:g} m/s"
+    assert any(it.endswith(f"meta.toml: {said}") for it in log.remarks) is told
+
+
 @pytest.mark.parametrize(("name", "text", "said"), [
     ("receptions.csv", "arrival_ns,range_m\n1,2\n", "must have a column beacon, got"),
-    ("receptions.csv", "arrival_ns,beacon,rang_m\n1,B0,2\n", "range_m or time_of_flight_s, got"),
+    ("receptions.csv", "arrival_ns,beacon,rang_m\n1,B0,2\n", "range_m or time_of_flight_s, got "
+     "'arrival_ns', 'beacon', 'rang_m'; did you mean 'range_m' by 'rang_m'?"),
+    ("receptions.csv", "time_s,beacon,flight\n1,B0,2\n", "got 'time_s', 'beacon', 'flight'"),
+    ("receptions.csv", "time_s,beakon,range_m\n1,B0,2\n", "got 'time_s', 'beakon', 'range_m'; "
+     "did you mean 'beacon' by 'beakon'?"),
     ("receptions.csv", "\0\n", "must begin with the names of its columns"),
     ("receptions.csv", '"a,b\n1,2\n', "must begin with the names of its columns"),
     ("receptions.csv", "beacon,beacon\n", "must have columns of different names, got 'beacon'"),
