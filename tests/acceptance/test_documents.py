@@ -127,6 +127,8 @@ class Page:
         return done.stdout
 
 
+LONG = {"budget", "log", "receiver", "study"}
+"""Pages whose code takes half a minute; `pytest -m slow` runs it."""
 WITH_CODE = [
     path for path in DOCUMENTS if path != RECIPES and any(not reason(b) for b in blocks(path))
 ]
@@ -153,7 +155,8 @@ def of_pieces(path: Path) -> dict[str, list[Block]]:
 @pytest.mark.parametrize(
     ("path", "piece"),
     [
-        pytest.param(path, word, id=name_of(path) + (f" {word}" if word else ""))
+        pytest.param(path, word, id=name_of(path) + (f" {word}" if word else ""),
+                     marks=[pytest.mark.slow] if path.stem in LONG else [])
         for path in WITH_CODE for word in of_pieces(path)
     ],
 )

@@ -192,6 +192,7 @@ def test_the_build_has_only_what_the_readme_installs(tmp_path: Path) -> None:
     assert "No module named 'distributed'" in alone(other, "-c", "import distributed").stderr
 
 
+@pytest.mark.slow
 def test_every_page_of_the_gallery_is_drawn(drawn: Path) -> None:
     pages = {path.stem for path in DOCS.glob("gallery/*.py")}
     made = drawn / "docs" / "made" / "gallery"
@@ -199,6 +200,7 @@ def test_every_page_of_the_gallery_is_drawn(drawn: Path) -> None:
     assert len(pages) == 25
 
 
+@pytest.mark.slow
 def test_the_site_is_built_and_whole(tmp_path: Path, drawn: Path) -> None:
     """One test, so that several workers do not build it several times."""
     site = built(tmp_path, drawn)
