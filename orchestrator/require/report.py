@@ -113,7 +113,8 @@ def _table(answer: Requirement, designs: pd.DataFrame, caption: str) -> PageTabl
         bound = f"value that {percent(q.terms.share)} are within"
     note = (
         f"Surely: bounds of the {bound}, which hold together for all designs; of a decided one, "
-        "that of its claim. Runs and shares are those of the condition that is worst for a design."
+        "that of its claim. Runs and shares are those of the condition that is worst for a design; "
+        "bounds hold in each condition."
     )
     titles = [word[:1].upper() + word[1:] for word in head]
     order = ", the cheapest first" if answer.question.costs else ""

@@ -57,9 +57,9 @@ class Requirement(Answer):
         One row per design, the cheapest first: the choices' levels, ``cost``, ``verdict``, and for
         the design's worst condition its ``condition``, ``runs``, the number ``passed``, the
         ``estimate`` of the response's percentile that must be within the limit (the order statistic
-        x₍⌈q n⌉₎), and its ``lower`` and ``upper`` bound (infinite where none is claimed, as on the
-        other side of a decided design's verdict); ``front``: by the estimates, no design is both
-        cheaper and better.
+        x₍⌈q n⌉₎); the ``lower`` and ``upper`` bound of the largest percentile over the conditions
+        (infinite where none is claimed, as on the other side of a decided design's verdict);
+        ``front``: by the estimates, no design is both cheaper and better.
     arms
         The same numbers for each design in each condition, with the ``verdict`` there. ``design``
         is the row in `designs`, ``condition`` the condition's name.

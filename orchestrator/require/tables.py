@@ -27,11 +27,12 @@ DESIGNS = Columns(
         TableColumn("passed", "Number of these runs that pass.", type=int),
         TableColumn("estimate", "Value that the required share of the runs is within; null if too "
                     "many are lost."),
-        TableColumn("lower", "Lower bound of the percentile; null where none is claimed, as for a "
-                    "design that suffices."),
-        TableColumn("upper", "Upper bound of the percentile; null for a design that fails."),
-        TableColumn("share_lower", "Lower bound of the share of all runs that pass, of a response "
-                    "that a run is or is not; null where none is claimed, and of other responses."),
+        TableColumn("lower", "Lower bound of the percentile, of the largest one over the "
+                    "conditions; null where none is claimed, as for a design that suffices."),
+        TableColumn("upper", "Upper bound of the same; null for a design that fails."),
+        TableColumn("share_lower", "Lower bound of the share of all runs that pass, of the "
+                    "smallest one over the conditions, of a response that a run is or is not; "
+                    "null where none is claimed, and of other responses."),
         TableColumn("share_upper", "Upper bound of this share."),
         TableColumn("front", "No other design is cheaper and better.", type=bool),
     ),

@@ -104,13 +104,25 @@ def _table(question: Question, elimination: Elimination, arms: pd.DataFrame) -> 
         kept = {k: v for k, v in mine[worst].items() if k not in ("design", "verdict")}
         rows.append({
             **design.levels, "cost": design.cost, "verdict": elimination.verdict(number), **kept,
-            "worst": worst,
+            **_bounded(pd.DataFrame(mine)), "worst": worst,
         })  # fmt: skip
     designs = pd.DataFrame(rows)
     rank = designs["estimate"].fillna(np.inf)
     by = designs.assign(rank=rank).sort_values(["cost", "rank"], kind="stable")["rank"]
     designs["front"] = by < by.cummin().shift(fill_value=np.inf)
     return designs
+
+
+def _bounded(arms: pd.DataFrame) -> dict[str, float]:
+    """Bounds of a design's largest percentile and smallest share over its conditions.
+
+    The condition with the largest estimate need not have the largest bound.
+    """
+    low, high = arms["share_lower"].fillna(0.0).min(), arms["share_upper"].fillna(1.0).min()
+    return {
+        "lower": arms["lower"].max(), "upper": arms["upper"].max(),
+        "share_lower": low if low > 0 else np.nan, "share_upper": high if high < 1 else np.nan,
+    }  # fmt: skip
 
 
 def _badness(

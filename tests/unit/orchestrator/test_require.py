@@ -870,6 +870,41 @@ def test_an_undecided_condition_is_worse_than_one_that_suffices() -> None:
     assert set(failing.designs["condition"]) == {found.arms["condition"][1]}
 
 
+@pytest.mark.parametrize("response", ["absolute_total_p95_m", "lost"])
+def test_bounds_of_a_design_hold_in_each_condition(response: str) -> None:
+    """The condition with the largest estimate is named, and another one may have a larger bound."""
+    flag = {"response": response, "limit": 0} if response == "lost" else {}
+    question = require.load(changed(conditions=CONDITIONS, **flag))
+    names, others = [question.named(dict(it)) for it in question.conditions], 0
+    for runs in ((2_000, 250), (250, 2_000), (400, 400)):
+        values, done = {}, Elimination(question.rule, [d.group for d in question.designs], 10**6)
+        for number in range(6):
+            for condition in (0, 1):
+                rng, n = np.random.default_rng([number, condition]), runs[condition]
+                made = 1.1 * question.terms.limit * rng.random(n) ** (0.2 + 0.2 * number)
+                if flag:
+                    made = (rng.random(n) < 0.05 * number).astype(float)
+                values[number, condition] = made
+                done.runs[question.designs[number].group, condition] = n
+                done.seen[number, condition] = n
+                done.passed[number, condition] = int((made <= question.terms.limit).sum())
+        found = answered(question, done, values, 1)
+        assert found.designs["verdict"].nunique() > 1
+        for number, row in found.designs.iterrows():
+            arms = found.arms[found.arms["design"] == number]
+            assert (row["lower"], row["upper"]) == (arms["lower"].max(), arms["upper"].max())
+            low, high = (arms[f"share_{end}"].fillna(none) for end, none in
+                         (("lower", 0.0), ("upper", 1.0)))
+            np.testing.assert_array_equal(
+                [row["share_lower"], row["share_upper"]],
+                [low.min() if low.min() > 0 else np.nan, high.min() if high.min() < 1 else np.nan])
+            own = arms[arms["condition"] == row["condition"]].iloc[0]
+            ends = ("share_lower", "share_upper") if flag else ("lower", "upper")
+            others += any(own[end] != row[end] and np.isfinite(row[end]) for end in ends)
+            assert row["condition"] in names
+    assert others
+
+
 def test_what_limits_a_design_is_found_on_the_same_noise() -> None:
     tables = []
 
