@@ -18,6 +18,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal, cast
+from warnings import warn
 
 import numpy as np
 import pandas as pd
@@ -33,10 +34,11 @@ from .answer import Answer
 from .catalogue import Figure, Job, by_name, jobs
 from .data.estimates import Floats
 from .data.record import Record
-from .errors import ConfigurationError, check_choice
+from .errors import ConfigurationError, ConfigurationWarning, check_choice
 from .layout import fitted
 from .results.figures import run as figures
 from .results.range_test import RANGE_TEST
+from .scenario.doubts import of_sound_speed
 from .shown import Picture
 from .simulation.masters.python import execute
 from .simulation.resolve import resolve
@@ -337,6 +339,10 @@ def _check(settings: Mapping[str, Any]) -> None:
             "calibrate distances: must be three different ones or more, none below 0, got "
             f"{distances.tolist()}"
         )
+    for name in ("sound_speed", "assumed_sound_speed"):
+        problem = of_sound_speed(settings[name])
+        if problem is not None:
+            warn(f"calibrate {name}: {problem}", ConfigurationWarning, stacklevel=3)
     if settings["pings"] < 2:
         raise ConfigurationError(f"calibrate pings: must be 2 or more, got {settings['pings']!r}")
 

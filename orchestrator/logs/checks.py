@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_right
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from ..data.truth import Truth
 from ..data.turns import turned
 from ..errors import ConfigurationError, nearest, quoted, shortened
 from ..scenario.doubts import of_sound_speed
+from ..scenario.tracks import ABOVE
 from ..words.lists import first_of, listed
 from .columns import AT_ARRIVAL, FARTHEST, FROM_DIVER, KINDS, SIGNED, TABLES, TIMES
 from .log import Log, Receptions
@@ -71,6 +72,13 @@ def log_of(raw: Raw) -> Log:
     raw.tables = {name: in_nanoseconds(table) for name, table in raw.tables.items()}
     heard, beacons = _receptions(raw, meta)
     depth_ns, depth = _depth(raw, meta)
+    remarks += _of_depths(raw, depth_ns, depth, heard)
+    dry = [name for name, place in meta.beacons.items() if place[2] < -ABOVE]
+    if dry:
+        remarks.append(
+            f"{raw.where}: beacons should be under water (down is positive), got {listed(dry)} at "
+            f"depths of {listed([f'{meta.beacons[it][2]:g}' for it in dry])} m"
+        )
     if meta.dimension == 2 and len(raw.tables.get("depth", ())):
         remarks.append("depths are not used: the log has dimension = 2")
     truth, fixes = _truth(raw), _fixes(raw)
@@ -82,6 +90,23 @@ def log_of(raw: Raw) -> Log:
         findings=tuple(raw.findings), remarks=(*raw.remarks, *remarks), scenario=raw.scenario,
         entries=entries, turnaround_s=turnaround,
     )
+
+
+def _of_depths(raw: Raw, time_ns: Integers, depth: Floats, heard: Receptions) -> Iterator[str]:
+    """Remarks on depths above the water, and on those of another time than the ranges."""
+    file, times = raw.files.get("depth", "depth"), heard.arrival_ns[heard.arrival_ns != MISSING]
+    dry = int((depth < -ABOVE).sum())
+    if dry:
+        yield (
+            f"{file}: depths should be under water (down is positive), got {depth.min():.4g} m; "
+            f"{dry:,} of {len(depth):,} are more than {ABOVE:g} m above it"
+        )
+    if len(depth) and len(times) and (time_ns[0] > times.max() or time_ns[-1] < times.min()):
+        apart = max(int(time_ns[0] - times.max()), int(times.min() - time_ns[-1])) / SECOND
+        yield (
+            f"{file}: depths should be of the time of the ranges, got none: they are "
+            f"{apart:,.1f} s {'after' if time_ns[0] > times.max() else 'before'} them"
+        )
 
 
 def _own_axes(meta: Meta, devices: Iterable[str]) -> list[str]:
@@ -155,17 +180,26 @@ def _renamed(raw: Raw, table: pd.DataFrame) -> pd.DataFrame:
     for either in (("beacon",), ("range_m", "time_of_flight_s"), ("arrival_ns", "epoch_ns")):
         if not {*either} & {*table.columns}:
             ours = {"arrival_ns", "epoch_ns"}  # from columns of other units
-            added = {"line"} | (ours if ({*TIME_COLUMNS} - ours) & {*table.columns} else set())
-            columns = [str(c) for c in table.columns if c not in added]
-            meant = [(c, nearest(c, either).removesuffix("?")) for c in columns]
-            close = next((f"{it} by {quoted(c)}?" for c, it in meant if it), "")
-            raise ConfigurationError(
-                f"{file}: must have a column {' or '.join(either)}, got "
-                f"{first_of([*map(quoted, columns)], 8) or 'none'}{close}"
-            )
+            added = ours if ({*TIME_COLUMNS} - ours) & {*table.columns} else set()
+            raise _lacking(file, either, [str(c) for c in table.columns if c not in added])
     if "line" not in table:
         table["line"] = 0
     return table.reset_index(drop=True)
+
+
+def _lacking(file: str, needed: Sequence[str], columns: Sequence[str]) -> ConfigurationError:
+    """A table has none of the needed columns; a column in another unit is not taken for one."""
+    columns = [c for c in columns if c != "line"]
+    stems = {name.rpartition("_")[0] for name in needed if "_" in name}
+    other = [c for c in columns if c not in needed and c.rpartition("_")[0] in stems]
+    meant = [(c, nearest(c, needed).removesuffix("?")) for c in columns if c not in other]
+    close = next((f"{it} by {quoted(c)}?" for c, it in meant if it), "")
+    if other:
+        close = f"; a mapping says the unit of a column such as {quoted(other[0])}"
+    return ConfigurationError(
+        f"{file}: must have a column {' or '.join(needed)}, got "
+        f"{first_of([*map(quoted, columns)], 8) or 'none'}{close}"
+    )
 
 
 def _times(table: pd.DataFrame) -> tuple[Integers, Integers]:
@@ -432,11 +466,9 @@ def _timed(
         return None
     for column in ("time_ns", *needed):
         if column not in table:
-            raise ConfigurationError(
-                f"{raw.files.get(name, name)}: must have a column {column}, got "
-                f"{first_of([quoted(str(c)) for c in table.columns], 8)}"
-                f"{nearest(column, [str(c) for c in table.columns])}"
-            )
+            added = {"time_ns"} if ({*TIME_COLUMNS} - {"time_ns"}) & {*table.columns} else set()
+            columns = [str(c) for c in table.columns if c not in added]
+            raise _lacking(raw.files.get(name, name), (column,), columns)
     table = table.reset_index(drop=True)
     if "line" not in table:
         table["line"] = 0

@@ -155,6 +155,7 @@ def _pairs(overrides: Mapping[str, Any] | Sequence[Any]) -> Iterator[tuple[tuple
             else:
                 yield path, value
         return
+    given: dict[tuple[str, ...], str] = {}
     for item in overrides:
         if not isinstance(item, str):
             raise ConfigurationError(
@@ -165,7 +166,13 @@ def _pairs(overrides: Mapping[str, Any] | Sequence[Any]) -> Iterator[tuple[tuple
             raise ConfigurationError(
                 f"override: must be table.key=value, got {quoted(item)}"
             )
-        yield tuple(part.strip() for part in key.split(".")), _toml_or_word(key, text.strip())
+        path, text = tuple(part.strip() for part in key.split(".")), text.strip()
+        if given.setdefault(path, text) != text:
+            raise ConfigurationError(
+                f"override {shortened(key.strip())}: must be given once, got {quoted(given[path])} "
+                f"and {quoted(text)}"
+            )
+        yield path, _toml_or_word(key, text)
 
 
 @lru_cache(1024)

@@ -26,6 +26,16 @@ def shown(path: Path) -> str:
     return shortened(str(path), _LONGEST_PATH)
 
 
+def _beside(path: Path) -> list[str]:
+    """Names of the files of a kind beside a path that does not exist."""
+    try:
+        if path.exists():
+            return []
+        return [it.name for it in path.parent.iterdir() if it.suffix == path.suffix]
+    except (OSError, ValueError):
+        return []
+
+
 def read_text(path: Path, names: Sequence[str], what: str = "scenario") -> str:
     """Text of the user's file; ``names`` are the shipped names to suggest if it does not exist.
 
@@ -35,7 +45,7 @@ def read_text(path: Path, names: Sequence[str], what: str = "scenario") -> str:
         The file cannot be read.
     """
     where = shown(path)
-    close = nearest(path.name.removesuffix(".toml"), names)
+    close = nearest(path.name.removesuffix(".toml"), names) or nearest(path.name, _beside(path))
     if os.path.isdir(path):
         raise ConfigurationError(f"{where}: is a folder, not a {what} file")
     try:

@@ -207,8 +207,12 @@ def _checked(raw: Mapping[str, Any], where: str) -> Study:
         if study.model is None and study.scenario:
             _ = study.base  # report an invalid scenario before anything else
     except ConfigurationError as error:
-        said = ConfigurationError(str(error).removeprefix("scenario: "))
-        raise ConfigurationError(_prefixed(f"{where}: scenario", said)) from None
+        lines = str(error).removeprefix("scenario: ").splitlines()
+        of_fixed = "override "
+        raise ConfigurationError("\n".join(
+            f"{where}: fixed: {it.removeprefix(of_fixed)}" if it.startswith(of_fixed)
+            else f"{where}: scenario: {it}" for it in lines
+        )) from None
     wrong = [*problems(study)]
     if wrong:
         raise ConfigurationError("\n".join(f"{where}: {problem}" for problem in wrong))

@@ -446,8 +446,10 @@ def _check(
     """Refuse a question that the table cannot answer."""
     factors, percentile, limit = question.factors, question.percentile, question.limit
     check_columns(table, factors, question.response, numbers=False)
-    if percentile is not None and not 0 < percentile < 100:
-        raise ConfigurationError(f"percentile: must be between 0 and 100, got {percentile}")
+    if percentile is not None and not 1 <= percentile < 100:  # 0.9 would be a share
+        raise ConfigurationError(
+            f"percentile: must be at least 1 and less than 100, got {percentile}"
+        )
     for name in ("confidence", "contamination"):
         value = getattr(question, name)
         if not 0 < value < 1:
