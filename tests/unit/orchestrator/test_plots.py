@@ -653,6 +653,15 @@ def test_a_single_estimate_is_a_mark(run, theme):
     assert "band" not in title_of(drawn["errors"][0])
 
 
+def test_single_estimates_of_many_receivers_are_different_marks(run):
+    many = {f"filter {i}": run[1]["ekf"].iloc[:1] for i in range(3 * len(style.MARKERS))}
+    marks = [how["marker"] for _, _, how in drawing.lines_of(many, style.named("light"))]
+    visible = len(style.MARKERS) - 1
+    assert "" not in marks
+    for first in range(len(marks) - visible + 1):
+        assert len({*marks[first : first + visible]}) == visible
+
+
 def test_run_without_a_fix_speaks_of_no_bands():
     record = silent("ekf")
     count = len(record.time_ns)
