@@ -191,7 +191,7 @@ class Wiring:
         for edge in self.edges:
             passed: set[End] = set()
             end = edge.target
-            while end[0] not in self._parts and end in self._into and end not in good:
+            while end in self._into and end not in good:
                 if end in passed:
                     raise ConfigurationError(
                         f"{_words(self._into[end].link)}: must come from a component, got a "

@@ -305,6 +305,13 @@ def test_waypoints_are_visited_in_order_and_in_time() -> None:
     assert path.y["path_duration"] == 28
 
 
+def test_the_last_leg_ends_at_the_last_waypoint_in_use() -> None:
+    path = target("waypoints", waypoint=WAYPOINTS, speed=1.0)
+    at(path, 40)
+    assert path.state("cursor") == len(WAYPOINTS) - 1
+    assert path.state("leg_end") == path.state("length") == 28
+
+
 def test_all_waypoints_can_be_used() -> None:
     points = np.random.default_rng(3).uniform(-9, 9, (64, 3))
     length = np.linalg.norm(np.diff(points, axis=0), axis=1).sum()

@@ -21,6 +21,7 @@ from sblcosim.estimation import model, start
 from sblcosim.estimation.after import assumed
 from sblcosim.estimation.folder import read_run
 from sblcosim.fmus import stopping
+from sblcosim.logs import simulated
 from sblcosim.results.result import Result
 from seams import Seam
 from typer.testing import CliRunner
@@ -63,6 +64,20 @@ def test_samples_are_all_that_was_received(run: Result) -> None:
     at = np.searchsorted(run.record.time_ns, found.range_ns)
     assert np.array_equal(found.position, run.record.values["platform.reported_position"][at])
     assert found.enough_ns() == run.record.estimates("coupled").epoch_ns[0]
+
+
+@pytest.mark.parametrize("first", [0, 9])
+def test_the_log_of_a_record_holds_its_samples(run: Result, first: int) -> None:
+    """In a record that begins under way, what was heard before its first instant is new there."""
+    values = {name: series[first:] for name, series in run.record.values.items()}
+    record = replace(run.record, time_ns=run.record.time_ns[first:], values=values)
+    if first:
+        assert (values["acoustics.reception_count"][0] > 0).any()
+    found = samples.of_record(record, np.zeros((4, 3)), samples.OWN)
+    heard = simulated.of_record(record, name="dive").receptions
+    assert sorted(zip(heard.epoch_ns, heard.beacon, heard.range, strict=True)) == sorted(
+        zip(found.range_ns, found.beacon, found.range, strict=True)
+    )
 
 
 def test_of_all_positions_and_of_an_own_one(run: Result) -> None:

@@ -310,6 +310,14 @@ def test_an_incomplete_replicate_is_left_out_and_counted():
     assert analyse(table, "ab", "y").dropped == 1
 
 
+@pytest.mark.parametrize("complete", [0, 1])
+def test_common_random_numbers_need_two_complete_replicates(complete: int):
+    table = noisy("ab", 3)
+    table = table.drop([5 * replicate for replicate in range(complete, 3)])  # another point each
+    with pytest.raises(ConfigurationError, match=f"at least two complete .*, got {complete}$"):
+        analyse(table, "ab", "y", seeding="common")
+
+
 def test_effects_of_a_log_are_ratios():
     table = noisy("ab", 10)
     table["y"] = np.exp(0.01 * table["y"]) * np.where(table["a"] > 0, 6.0, 2.0)

@@ -228,6 +228,17 @@ def test_the_dilution_at_15_m() -> None:
         assert numeric.cross == pytest.approx(expected, rel=0.02)
 
 
+def test_the_dilution_below_the_platform_is_the_distance_over_the_arm() -> None:
+    """However steep: G is 2 (a/r)² times the identity."""
+    for depth in np.logspace(-3, 8, 12):
+        found = limits.hdop([0.0, 0.0, 0.5 + depth], limits.cross(3.0))
+        over = np.hypot(depth, 3.0) / 3.0
+        each = np.sqrt(0.5) * over
+        np.testing.assert_allclose(
+            [found.horizontal, found.radial, found.cross], [over, each, each], rtol=1e-6
+        )
+
+
 def test_no_fix_is_an_infinite_dilution() -> None:
     for beacons in ([[3, 0, 0.5], [-3, 0, 0.5]], [[0.0, 0, 0.5]], np.tile([1.0, 2, 0.5], (4, 1))):
         result = limits.hdop([15.0, 0.0, 5.0], beacons)

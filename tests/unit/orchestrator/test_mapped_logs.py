@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -101,6 +102,14 @@ def test_times_are_exact(tmp_path: Path, key: str, value: str, expected: int) ->
         r=f"when,beacon,range_m\n{value},A,3\n",
     )
     assert log.receptions.arrival_ns.tolist() == [expected]
+
+
+@pytest.mark.parametrize("zone", [
+    "Z", "+00", "+0530", "+05:30", "-03:30", "-0930", "+12:45", "+14", "-11", "-00:01", "+10:09",
+])  # fmt: skip
+def test_a_date_has_the_hours_and_minutes_of_its_zone(zone: str) -> None:
+    text = f"2024-02-29T23:59:07{zone}"
+    assert of_date(text) == round(datetime.fromisoformat(text).timestamp()) * 10**9
 
 
 @pytest.mark.parametrize("value", [

@@ -22,7 +22,7 @@ from sblcosim.fmus.host.watch import Progress
 from sblcosim.fmus.read import ports
 from sblcosim.simulation import execution, isolation
 from sblcosim.simulation.children.messages import Begun
-from sblcosim.simulation.children.process import Process
+from sblcosim.simulation.children.process import PATIENCE, Process, patience
 from sblcosim.simulation.children.state import LOOP
 from sblcosim.simulation.children.watched import Watched
 from sblcosim.simulation.masters import c_libraries, native, python
@@ -317,6 +317,19 @@ def test_a_long_run_of_short_steps_is_no_hang():
 def test_a_timeout_must_be_positive(stranger, timeout):
     with pytest.raises(ConfigurationError, match=r"^step timeout: must be positive, got"):
         isolated(stranger(2), 1, step_timeout=timeout)
+
+
+def test_a_timeout_of_all_calls_must_be_positive_and_ends_with_its_block():
+    usual = PATIENCE.get()
+    with patience(2.5):
+        assert PATIENCE.get() == 2.5
+        for timeout in (0.0, -1.0, float("nan")):
+            with pytest.raises(ConfigurationError, match=r"^step timeout: must be positive, got"):
+                patience(timeout).__enter__()
+            assert PATIENCE.get() == 2.5
+        with patience(None):
+            assert PATIENCE.get() == 2.5
+    assert PATIENCE.get() == usual
 
 
 def test_ctrl_c_ends_a_run_and_leaves_the_instances_usable(wild):

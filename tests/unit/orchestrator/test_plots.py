@@ -13,6 +13,7 @@ from matplotlib.text import Text
 from mpl_toolkits.mplot3d import proj3d
 from PIL import Image
 from sblcosim import style
+from sblcosim.data.arms import LONGEST_ARM, are_far
 from sblcosim.data.record import Record
 from sblcosim.errors import ConfigurationError
 from sblcosim.limits.verdict import Limits
@@ -651,6 +652,23 @@ def test_a_single_estimate_is_a_mark(run, theme):
                 (line,) = (it for it in ax.lines if it.get_label() == label)
                 assert line.get_marker() in style.MARKERS[1:], (name, label)
     assert "band" not in title_of(drawn["errors"][0])
+
+
+def test_single_estimates_of_many_receivers_are_different_marks(run):
+    many = {f"filter {i}": run[1]["ekf"].iloc[:1] for i in range(3 * len(style.MARKERS))}
+    marks = [how["marker"] for _, _, how in drawing.lines_of(many, style.named("light"))]
+    visible = len(style.MARKERS) - 1
+    assert "" not in marks
+    for first in range(len(marks) - visible + 1):
+        assert len({*marks[first : first + visible]}) == visible
+
+
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("away", [0.0, 96.0])
+def test_beacons_are_far_beyond_the_longest_arm(axis, away):
+    ends = away + np.outer([1.0, -1.0], LONGEST_ARM * np.eye(3)[axis])
+    assert not are_far(ends)
+    assert are_far(ends + np.outer([1.0, -1.0], 1e-9 * np.eye(3)[axis]))
 
 
 def test_run_without_a_fix_speaks_of_no_bands():

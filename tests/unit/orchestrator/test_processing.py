@@ -24,7 +24,7 @@ from sblcosim.processing.knowing import that_know
 from sblcosim.processing.playing import played
 from sblcosim.processing.quality import described, resemblance, row_of
 from sblcosim.processing.running import ran
-from sblcosim.processing.settings import arrangement_of, settled, start_values
+from sblcosim.processing.settings import MOST_TICKS, arrangement_of, settled, start_values
 from sblcosim.words.numbers import minus, signed
 from seams import Seam
 
@@ -324,6 +324,15 @@ def test_receptions_have_ticks_of_their_own_1_2_or_5_times_a_power_of_ten_apart(
     expected = max([it for it in STEPS_NS if it <= spacing_ns], default=STEPS_NS[0])
     assert ready.interval_ns == expected
     assert ready.scenario.time.sampling_time_s == pytest.approx(expected / 1e9)
+
+
+def test_more_ticks_than_a_receiver_can_run_are_refused() -> None:
+    log = made(seconds=60)
+    span = log.stop_ns - log.start_ns
+    fits, too_short = -(-span // MOST_TICKS), span // (MOST_TICKS + 1)
+    assert settled(log, interval_s=fits / 1e9).interval_ns == fits
+    with pytest.raises(ConfigurationError, match=f"interval: must make at most {MOST_TICKS:,} tic"):
+        settled(log, interval_s=too_short / 1e9)
 
 
 def bare(folder: Path, scenario: str, **keys: Any) -> Log:

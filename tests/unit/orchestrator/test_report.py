@@ -34,7 +34,7 @@ from sblcosim.report.page import (
     inline,
     render,
 )
-from sblcosim.report.paper.campaigns import FAVOURABLE
+from sblcosim.report.paper.campaigns import FAVOURABLE, all_campaigns
 from sblcosim.report.paper.figures import FIGURES, plot_waves
 from sblcosim.scenario.scenario import load
 from sblcosim.study import study
@@ -95,6 +95,16 @@ def test_figures_show_labels_and_units() -> None:
     axes = figures.plot_main_effects(shown)
     names = [text.get_text().replace("\n", " ") for text in axes.get_xticklabels(minor=True)]
     assert names == ["GPS error [m]", "baseline", "packet loss"]
+
+
+@pytest.mark.parametrize("quick", [True, False])
+def test_campaigns_of_the_paper_share_no_seed(quick: bool) -> None:
+    seeds = [
+        {made.run_seed(point, replicate) for point in range(1, 1 + len(made.points.values))
+         for replicate in range(1, 1 + made.replicates)}
+        for made in all_campaigns(quick).values()
+    ]  # fmt: skip
+    assert len(set[int]().union(*seeds)) == sum(map(len, seeds))
 
 
 def test_the_shipped_studies_have_labels_and_units() -> None:

@@ -139,6 +139,17 @@ def test_numbers_at_ticks_need_no_power_of_ten_beside_the_axis(values, words):
     assert ticks.get_offset() == ""
 
 
+@pytest.mark.parametrize("power", range(-9, 13))
+@pytest.mark.parametrize("first", [0.0, 1.0, -3.0])
+def test_the_number_at_a_tick_is_its_value(power, first):
+    values = [(first + step) * 10.0**power for step in (0.0, 0.5, 1.0, 1.5)]
+    ticks = drawing.WholeTicks(useOffset=False)
+    ticks.create_dummy_axis()
+    ticks.axis.set_view_interval(values[0], values[-1])
+    words = [word.replace("\N{MINUS SIGN}", "-") for word in ticks.format_ticks(values)]
+    assert [float(word) for word in words] == pytest.approx(values, rel=1e-9)
+
+
 def test_few_samples_of_the_waves_are_drawn_over_a_longer_time():
     record, _ = run_of(SHAPES["ten_hours"])  # a sample every 120 s
     ax = plots.plot_inclination(record)[0]

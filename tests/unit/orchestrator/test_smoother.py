@@ -297,6 +297,16 @@ def test_claimed_covariances_are_those_of_the_errors() -> None:
     assert 2.4 < np.mean(values) < 4.0  # 3 expected; the bearing bends the posterior
 
 
+def test_residuals_are_divided_by_their_standard_deviation() -> None:
+    """That of a range about a track that has followed it in part is less than the range's own."""
+    p = parameters(outlier_probability=0.0)
+    found = []
+    for seed in range(5):
+        samples, truth = dive(p, seed, 60, late=0.0)
+        found.append(smoother.smooth(p, samples, truth).residual)
+    assert 0.85 < np.sqrt((np.concatenate(found) ** 2).mean()) < 1.15
+
+
 def test_late_ranges_do_not_count() -> None:
     p = parameters(outlier_probability=0.1, outlier_mean_m=3.0)
     samples, truth = dive(p, 1, 60, late=0.0)

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 import sblcosim
 from sblcosim.cli import app
+from sblcosim.models import RECEIVERS
 from sblcosim.models.settings.presets import PRESETS
 from sblcosim.scenario.likes import LIKES
 from sblcosim.scenario.scenario import load, shipped
@@ -66,6 +67,17 @@ def test_a_key_that_is_commented_out_is_valid_when_it_is_put_in_use() -> None:
                 load(tomllib.loads("\n".join(changed)))
                 tried += 1
     assert tried > 30
+
+
+@pytest.mark.parametrize("name", [name for name in TABLES if name != "time"])
+def test_a_foreign_component_has_examples_of_all_other_keys(name: str) -> None:
+    text = starter("mine", {name: {"fmu": "other.fmu"}})
+    section = re.split(r"^\[\w+\]$", text.partition(f"[{name}]\n")[2], flags=re.M)[0]
+    lines = [line.removeprefix("# ") for line in section.splitlines()]
+    examples = tomllib.loads("\n".join(line for line in lines if re.match(r"\w+ = ", line)))
+    assert examples.keys() == TABLES[name].model_fields.keys()
+    if name == "receiver":
+        assert examples["type"] in RECEIVERS
 
 
 def test_the_points_of_a_boat_are_valid_together() -> None:

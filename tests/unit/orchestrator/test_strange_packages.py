@@ -141,6 +141,14 @@ def test_a_unit_that_nothing_else_has_is_remarked_on(made: Callable[..., Path]) 
     assert series(record, "a", "gained")[1:] == [0.002 * 4] * 4
 
 
+def test_a_unit_in_brackets_is_that_unit(made: Callable[..., Path]) -> None:
+    values = parameters({"k": "0.002 km", "a": "4"}).replace('"km"', '"[km]"')
+    own = part("a", connectors(k="parameter m"), bindings(bound(values)))
+    result = sblcosim.run(made(system("s", [own])))
+    assert series(result.record, "a", "gained")[1:] == [2 * 4] * 4
+    assert any("the unit '[km]' is read as 'km'" in remark for remark in result.remarks)
+
+
 def test_temperatures_have_an_offset(made: Callable[..., Path]) -> None:
     kelvin, bare = connectors(c="parameter K", a="input K"), connectors(c="parameter K")
     both = connectors(c="parameter K", gained="output degC")

@@ -213,6 +213,27 @@ def test_what_is_wrong_is_named_with_line_and_column(tmp_path: Path, case: str) 
     assert "\n" not in line
 
 
+@pytest.mark.parametrize("names", [NED, GEO])
+@pytest.mark.parametrize("lacking", range(4))
+def test_a_column_that_is_missing_is_named(tmp_path: Path, names: str, lacking: int) -> None:
+    columns = names.split(",")
+    missing = columns.pop(lacking)
+    wanted = "time_s or time" if missing == "time_s" else missing
+    with pytest.raises(ConfigurationError, match=f"column 5: must be {wanted}, got no such column"):
+        read(written(tmp_path, table(",".join((*columns, "remark")), "0,1,2,3", "1,1,2,3")))
+
+
+@pytest.mark.parametrize(("header", "wanted"), [
+    ("remark,colour", "time_s or time"),
+    ("time_s,colour", "north_m, east_m, down_m, or latitude_deg, longitude_deg, depth_m"),
+])  # fmt: skip
+def test_what_a_header_without_coordinates_lacks_is_named(
+    tmp_path: Path, header: str, wanted: str
+) -> None:
+    with pytest.raises(ConfigurationError, match=f"column 3: must be {wanted}, got no such column"):
+        read(written(tmp_path, table(header, "0,1", "1,1")))
+
+
 @pytest.mark.parametrize("first", [0.0, 5.0, -1e9])
 def test_a_track_of_exactly_the_longest_time_is_read(tmp_path: Path, first: float) -> None:
     rows = f"{first!r},1,2,3", "{!r},1,2,3"
