@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 from sblcosim.calibrate import RANGE_TEST_M, calibrate
-from sblcosim.errors import ConfigurationError
+from sblcosim.errors import ConfigurationError, ConfigurationWarning
 
 
 @pytest.fixture(scope="module")
@@ -181,6 +181,13 @@ def test_saved_folder_holds_table_figure_and_manifest(noisy, tmp_path):
 def test_bad_argument_is_refused_by_name(argument, value):
     with pytest.raises(ConfigurationError, match=f"^calibrate {argument}: must be"):
         calibrate(**{argument: value})
+
+
+@pytest.mark.parametrize("argument", ["sound_speed", "assumed_sound_speed"])
+def test_a_speed_that_sound_has_in_no_water_is_told(argument):
+    said = f"^calibrate {argument}: should be from 1350 to 1650 m/s, as in water, got 1.5 m/s$"
+    with pytest.warns(ConfigurationWarning, match=said):
+        calibrate(**{argument: 1.5}, pings=2)
 
 
 @pytest.mark.parametrize(

@@ -219,6 +219,8 @@ def test_a_speed_of_sound_that_no_water_has_is_told(
     ("receptions.csv", "arrival_ns,beacon,rang_m\n1,B0,2\n", "range_m or time_of_flight_s, got "
      "'arrival_ns', 'beacon', 'rang_m'; did you mean 'range_m' by 'rang_m'?"),
     ("receptions.csv", "time_s,beacon,flight\n1,B0,2\n", "got 'time_s', 'beacon', 'flight'"),
+    ("receptions.csv", "time_s,beacon,range_ft\n1,B0,2\n", "got 'time_s', 'beacon', 'range_ft'; "
+     "a mapping says the unit of a column such as 'range_ft'"),
     ("receptions.csv", "time_s,beakon,range_m\n1,B0,2\n", "got 'time_s', 'beakon', 'range_m'; "
      "did you mean 'beacon' by 'beakon'?"),
     ("receptions.csv", "\0\n", "must begin with the names of its columns"),
@@ -250,7 +252,71 @@ def test_a_table_in_two_formats_is_read_from_parquet(tmp_path: Path) -> None:
     pd.DataFrame({"time_ns": [1, 2], "depth_m": [3.0, 4.0]}).to_parquet(tmp_path / "depth.parquet")
     log = read_log(tmp_path)
     assert log.depth.tolist() == [3.0, 4.0]
-    assert log.remarks == ("depth.csv is not read: there is depth.parquet",)
+    assert log.remarks[0] == "depth.csv is not read: there is depth.parquet"
+
+
+def _folder(tmp_path: Path, name: str) -> Path:
+    folder = tmp_path / name
+    folder.mkdir()
+    return folder
+
+
+def depths(tmp_path: Path, sign: float, later_s: float) -> str:
+    """The remarks on the depths of a log, if they have another sign or clock."""
+    head, *lines = log_samples.own()["depth.csv"].splitlines()
+    told = [head]
+    for line in lines:
+        time_ns, depth = line.split(",")
+        told.append(f"{int(time_ns) + round(later_s * 1e9)},{sign * float(depth)}")
+    log = _read(_folder(tmp_path, f"{sign} {later_s}"), **{"depth.csv": "\n".join(told)})
+    assert len(log.depth) == len(lines)
+    return "\n".join(log.remarks)
+
+
+@pytest.mark.parametrize("later_s", [-7200.0, -3600.0, 3600.0, 1e6])
+def test_depths_of_another_time_than_the_ranges_are_told(tmp_path: Path, later_s: float) -> None:
+    where = "after" if later_s > 0 else "before"
+    log = _read(_folder(tmp_path, "as it is"))
+    first, last = (int(f(log.receptions.arrival_ns)) / 1e9 for f in (min, max))
+    begin, end = (int(log.depth_ns[i]) / 1e9 + later_s for i in (0, -1))
+    apart = begin - last if later_s > 0 else first - end
+    assert depths(tmp_path, 1.0, later_s) == (
+        "depth.csv: depths should be of the time of the ranges, got none: they are "
+        f"{apart:,.1f} s {where} them"
+    )
+    assert not depths(tmp_path, 1.0, 1.0)
+
+
+def test_what_is_above_the_water_in_a_log_is_told(tmp_path: Path) -> None:
+    said, log = depths(tmp_path, -1.0, 0.0), _read(_folder(tmp_path, "as it is"))
+    assert (log.depth > 2).any()
+    assert said == (
+        "depth.csv: depths should be under water (down is positive), got "
+        f"{-log.depth.max():.4g} m; {(log.depth > 2).sum():,} of {len(log.depth):,} are more than "
+        "2 m above it"
+    )
+    meta = log_samples.own()["meta.toml"]
+    name, place = next(iter(log.meta.beacons.items()))
+    line = next(it for it in meta.splitlines() if it.startswith(f"{name} ="))
+    raised = meta.replace(line, f"{name} = [{place[0]}, {place[1]}, -8.0]")
+    log = _read(_folder(tmp_path, "raised"), **{"meta.toml": raised})
+    assert any(it.endswith(
+        f"beacons should be under water (down is positive), got {name} at depths of -8 m"
+    ) for it in log.remarks)  # fmt: skip
+
+
+@pytest.mark.parametrize(("columns", "said"), [
+    ("time_s,depth", "got 'time_s', 'depth'; did you mean 'depth_m' by 'depth'?"),
+    ("time_s,depth_ft", "got 'time_s', 'depth_ft'; a mapping says the unit of a column such as "
+     "'depth_ft'"),
+    ("time_s,altitude", "got 'time_s', 'altitude'"),
+])  # fmt: skip
+def test_a_column_that_is_lacking_is_not_one_in_another_unit(
+    tmp_path: Path, columns: str, said: str
+) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        _read(tmp_path, **{"depth.csv": f"{columns}\n1,2\n3,4\n"})
+    assert str(caught.value) == f"depth.csv: must have a column depth_m, {said}"
 
 
 @pytest.mark.parametrize("ends", ["\r\n", "\r"])

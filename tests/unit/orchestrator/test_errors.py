@@ -27,7 +27,12 @@ def nested(depth: int) -> list[Any]:
     ("name", "known", "meant"),
     [("ekff", ["ekf", "coupled"], "ekf"), ("EKF", ["ekf", "coupled"], "ekf"), ("Q", ["q"], "q"),
      ("myfilter", ["MyFilter", "Other"], "MyFilter"), ("q", ["q_2", "Q"], "Q"), ("z", ["q"], ""),
-     ("mass_KG", ["Mass_kg", "mass_kg"], "mass_kg")],
+     ("mass_KG", ["Mass_kg", "mass_kg"], "mass_kg"),
+     ("speed", ["seed", "speed_m_s", "speed_of_boat_m_s"], "speed_m_s"),
+     ("range", ["ranging", "range_common_std_m", "range_std_m"], "range_std_m"),
+     ("total_rms_m", ["relative_total_rms_m", "absolute_total_rms_m"], "relative_total_rms_m"),
+     ("rms", ["seed", "rmse"], "rmse"), ("seed", ["own_seed"], "own_seed"),
+     ("q", ["q_of_it"], "")],
 )  # fmt: skip
 def test_the_nearest_name_is_found_in_any_case(name: str, known: list[str], meant: str) -> None:
     assert nearest(name, known) == (f"; did you mean {meant!r}?" if meant else "")

@@ -147,6 +147,33 @@ def test_a_key_that_is_given_twice_is_named(
     assert str(caught.value) == f"{file}, line {line}: {key} must be given once, got it twice"
 
 
+@pytest.mark.parametrize(("options", "key"), [
+    (["--set", "acoustics.range_std_m=0.2", "--set", "acoustics.range_std_m=0.9"],
+     "--set acoustics.range_std_m: must be given once, got '0.2' and '0.9'"),
+    (["--set", "seed=3", "--seed", "4"], "seed: must be given once, got '3' and '4'"),
+])  # fmt: skip
+def test_a_key_that_is_set_twice_is_refused(
+    options: list[str], key: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(app, ["run", "harbour-square", *options])
+    assert (result.exit_code, result.stderr.count("\n")) == (2, 1)
+    assert key in result.stderr
+    assert not [*tmp_path.iterdir()]
+    same = load("harbour-square", ["time.duration_s=5", "time.duration_s=5"])
+    assert same.time.duration_s == 5
+
+
+def test_the_nearest_file_of_a_folder_is_named(tmp_path: Path) -> None:
+    (tmp_path / "quay.toml").write_text(load("harbour-square").dump_toml(), "utf-8")
+    (tmp_path / "quay.csv").write_text("")
+    assert line_of(lambda: load(tmp_path / "quya.toml")) == (
+        f"{tmp_path / 'quya.toml'}: no such file; did you mean 'quay.toml'?"
+    )
+    assert "did you mean" not in line_of(lambda: load(tmp_path / "nowhere" / "quay.toml"))
+    assert "did you mean" not in line_of(lambda: load(tmp_path / "pier.toml"))
+
+
 def test_the_command_line_says_it_without_a_traceback(tmp_path: Path) -> None:
     (tmp_path / "deep.toml").write_text(TEXTS["deep arrays"][0])
     for arguments in (

@@ -164,7 +164,9 @@ PROBLEMS: list[tuple[dict[str, Any], str]] = [
     ),
     ({"fixed": {"platform.arm_length_m": 1.0}}, "must not also be a fixed key"),
     ({"fixed": {"seed": 1}}, "fixed: must not have seed"),
-    ({"fixed": {"platform.arm_lenght_m": 1.0}}, "scenario: override platform.arm_lenght_m|no key"),
+    ({"fixed": {"platform.arm_lenght_m": 1.0}},
+     r"^[^:]+: fixed: platform\.arm_lenght_m: \[platform\] has no key 'arm_lenght_m'; did you mean "
+     "'arm_length_m'"),
     ({"scenario": "paper-scenario-4"}, "scenario: .* did you mean"),
     ({"scenario": 4}, "scenario: must be a name, a file or a table, got 4"),
     ({"replicates": 0}, "replicates: must be at least 1, got 0"),
