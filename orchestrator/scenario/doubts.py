@@ -42,6 +42,7 @@ def doubts(scenario: Scenario, chosen: Mapping[str, Source]) -> Iterator[str]:
     yield from _of_receivers(scenario, chosen)
     yield from _of_names(scenario, chosen)
     yield from _of_waypoints(scenario)
+    yield from _of_departure(scenario)
     yield from _of_sound(scenario)
     yield from _of_arrangement(scenario)
     yield from channel.doubts(scenario)
@@ -82,6 +83,18 @@ def _of_waypoints(scenario: Scenario) -> Iterator[str]:
             f"{scenario.where('target', 'waypoint_m')}[{dry[0]},3]: should be under water (down is "
             f"positive), got a depth of {depths[dry[0] - 1]:g} m{rows}"
         )
+
+
+def _of_departure(scenario: Scenario) -> Iterator[str]:
+    """A departure after the end of the run."""
+    end = scenario.time.duration_s
+    for name, table in (("target", scenario.target), ("platform", scenario.platform)):
+        departs = table.departure_time_s
+        if table.fmu is None and isinstance(end, float | int) and departs >= end:
+            yield (
+                f"{scenario.where(name, 'departure_time_s')}: should be before the end of the run "
+                f"at {end:g} s, got {departs:g} s: nothing of the path is followed"
+            )
 
 
 def _of_sound(scenario: Scenario) -> Iterator[str]:

@@ -207,11 +207,11 @@ def _checked(raw: Mapping[str, Any], where: str) -> Study:
         if study.model is None and study.scenario:
             _ = study.base  # report an invalid scenario before anything else
     except ConfigurationError as error:
-        lines = str(error).removeprefix("scenario: ").splitlines()
+        said = str(error).removeprefix("scenario: ").splitlines()
         of_fixed = "override "
         raise ConfigurationError("\n".join(
             f"{where}: fixed: {it.removeprefix(of_fixed)}" if it.startswith(of_fixed)
-            else f"{where}: scenario: {it}" for it in lines
+            else f"{where}: scenario: {it}" for it in said
         )) from None
     wrong = [*problems(study)]
     if wrong:

@@ -19,7 +19,8 @@ POINTS = Columns(
         TableColumn("upper", "Upper bound of it; null where there is none.",
                     heading="upper bound"),
         TableColumn("front", "Whether no other point is cheaper and better.", type=bool),
-        TableColumn("meets", "Whether it surely meets the limit.", heading="meets", type=bool),
+        TableColumn("meets", "Whether it surely meets the limit.", heading="surely meets",
+                    type=bool),
     ),
     more="a column for the level of each factor",
 )

@@ -14,7 +14,7 @@ from ... import artifacts, style
 from ...answer import Answer
 from ...catalogue import Job
 from ...lazy import Module
-from ...results.responses import unit_of
+from ...results.responses import RESPONSES, unit_of
 from ...shown import Picture
 from ..common.evaluation import ALL
 from ..common.tables import DIFFERENCES, LEVELS
@@ -115,8 +115,9 @@ class Tournament(Answer):
         """A line for each receiver that failed in all runs of a scenario."""
         mine = self.levels[self.levels["response"] == self.response]
         silent = mine[(mine["failed"] == mine["runs"]) & (mine["scenario"] != ALL)]
+        what = "give estimates" if self.response in RESPONSES else f"have a finite {self.response}"
         return [
-            f"{row.receiver}: must give estimates in {row.scenario}, got none in {row.runs} runs"
+            f"{row.receiver}: must {what} in {row.scenario}, got none in {row.runs} runs"
             for row in silent.itertuples()
         ]
 

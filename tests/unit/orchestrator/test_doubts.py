@@ -67,6 +67,18 @@ def test_beacons_above_the_water_are_told() -> None:
     assert not said({"platform.beacon_depth_m": 0.0})
 
 
+@pytest.mark.parametrize("table", ["target", "platform"])
+def test_a_departure_after_the_end_of_the_run_is_told(table: str) -> None:
+    key = f"{table}.departure_time_s"
+    for departs, told in ((59.0, False), (60.0, True), (9999.0, True)):
+        found = said({key: departs, "time.duration_s": 60.0})
+        assert found == [
+            f"override {key}: should be before the end of the run at 60 s, got {departs:g} s: "
+            "nothing of the path is followed"
+        ] * told
+    assert not said({key: 9999.0})  # the run lasts as long as the path
+
+
 # Sound -------------------------------------------------------------------------------------------
 
 

@@ -436,6 +436,16 @@ def test_the_time_of_an_update_is_that_of_runs_with_it_less_that_without(
     assert cost.update_seconds(study) == {"ekf": None, "coupled": None}
 
 
+def test_a_response_that_is_never_a_number_is_named_and_no_receiver_is_blamed(
+    tmp_path: Path
+) -> None:
+    (tmp_path / "mine.py").write_text("def g(run):\n    return float('nan')\n")
+    it = sblcosim.compare(
+        "harbour-square", ["ekf"], runs=2, overrides=SHORT, response=f"{tmp_path}/mine.py:g",
+    )  # fmt: skip
+    assert it.problems == ["ekf: must have a finite g in harbour-square, got none in 2 runs"]
+
+
 def test_receivers_in_python_take_part_and_one_that_is_silent_is_named(tmp_path: Path) -> None:
     (tmp_path / "own.py").write_text(NEVER)
     it = sblcosim.compare(
