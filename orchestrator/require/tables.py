@@ -11,7 +11,7 @@ import numpy as np
 from ..data.tables import Columns, TableColumn
 from ..words.numbers import bounds
 from ..words.shares import percent_at_least, percent_at_most
-from .sequential import Decision, Rule, share_bounds
+from .sequential import Rule, share_bounds
 
 DESIGNS = Columns(
     "DesignDecided",
@@ -50,7 +50,7 @@ CONDITIONS = Columns(
 
 
 def claimed_share(
-    passed: int, runs: int, rule: Rule, verdict: Decision
+    passed: int, runs: int, rule: Rule, verdict: str
 ) -> tuple[float, float]:
     """Bounds of the share of an arm's runs that pass, NaN where none is claimed."""
     low, high = share_bounds(passed, runs, rule, verdict != "undecided")
