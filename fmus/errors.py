@@ -64,18 +64,22 @@ def nearest(name: str, candidates: Iterable[str]) -> str:
     -------
     str
         ``"; did you mean 'x'?"``, or nothing if no candidate resembles the name, in any case.
-        Best is a candidate that the name is all but the first or the last words of.
+        Best is the shortest candidate that has all words of the name in their order.
     """
     known = list(candidates)
-    for part in (f"{name}_", f"_{name}") if len(name) > 2 else ():
-        longer = [it for it in known if (it.startswith if part[-1] == "_" else it.endswith)(part)]
-        if longer:
-            return f"; did you mean {min(longer, key=len)!r}?"
+    whole = [it for it in known if _has_words(it, name.split("_"))] if len(name) > 2 else []
+    if whole:
+        return f"; did you mean {min(whole, key=len)!r}?"
     spelled = {it.casefold(): it for it in reversed(known)}
     matches = get_close_matches(name, known, n=1) or [
         spelled[it] for it in get_close_matches(name.casefold(), spelled, n=1)
     ]
     return f"; did you mean {matches[0]!r}?" if matches else ""
+
+
+def _has_words(name: str, words: list[str]) -> bool:
+    rest = iter(name.split("_"))
+    return all(word in rest for word in words)
 
 
 def instance(value: object) -> str:

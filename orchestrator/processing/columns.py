@@ -36,6 +36,7 @@ RECEIVERS = Columns(
         TableColumn("restarts", "Number of restarts", type=int | None, sometimes=True),
         TableColumn("failure", "Why the receiver failed", type=str | None, sometimes=True),
     ),
+    title="Horizontal error",
 )  # fmt: skip
 RESIDUALS = Columns(
     "Residual",

@@ -31,6 +31,9 @@ def nested(depth: int) -> list[Any]:
      ("speed", ["seed", "speed_m_s", "speed_of_boat_m_s"], "speed_m_s"),
      ("range", ["ranging", "range_common_std_m", "range_std_m"], "range_std_m"),
      ("total_rms_m", ["relative_total_rms_m", "absolute_total_rms_m"], "relative_total_rms_m"),
+     ("total_rms", ["relative_total_rms", "relative_total_rms_m"], "relative_total_rms"),
+     ("gps_std", ["gps_shared", "gps_markov_std_m", "gps_up_std_m"], "gps_up_std_m"),
+     ("std_gps", ["gps_shared", "gps_up_std_m"], ""), ("a_std", ["a_m", "std_a"], "std_a"),
      ("rms", ["seed", "rmse"], "rmse"), ("seed", ["own_seed"], "own_seed"),
      ("q", ["q_of_it"], "")],
 )  # fmt: skip
