@@ -127,8 +127,8 @@ class Page:
         return done.stdout
 
 
-LONG = {"budget", "log", "receiver", "study"}
-"""Pages whose code takes half a minute; `pytest -m slow` runs it."""
+LONG = {"boat", "budget", "log", "look-back", "own-system", "ranging", "receiver", "study"}
+"""Pages whose code takes long; `pytest -m slow` runs it."""
 WITH_CODE = [
     path for path in DOCUMENTS if path != RECIPES and any(not reason(b) for b in blocks(path))
 ]

@@ -541,7 +541,9 @@ def test_where_they_do_not_tell_it_the_assumed_value_stays(log: Any) -> None:
     assert "platform.mounting_std_m" not in found.overrides()
 
 
-@pytest.mark.parametrize(("known", "least", "most"), [(0.01, 0.1, 0.8), (1.0, 1.5, 4.0)])
+@pytest.mark.parametrize(("known", "least", "most"), [
+    pytest.param(0.01, 0.1, 0.8, marks=pytest.mark.slow), (1.0, 1.5, 4.0),
+])  # fmt: skip
 def test_receivers_claim_what_places_are_known_to(known: float, least: float, most: float) -> None:
     log = placed(known, 2)
     scenario = identify(log).scenario()
