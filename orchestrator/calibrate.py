@@ -265,7 +265,12 @@ def calibrate(
         from sblcosim.fmus.build.factory import build
 
         acoustics = build("acoustics", fmi)
-    return _evaluate(settings, _ping(settings, acoustics))
+    ranges = _ping(settings, acoustics)
+    for name in ("sound_speed", "assumed_sound_speed"):
+        problem = of_sound_speed(settings[name])
+        if problem is not None:
+            warn(f"calibrate {name}: {problem}", ConfigurationWarning, stacklevel=3)
+    return _evaluate(settings, ranges)
 
 
 def _ping(
@@ -339,10 +344,6 @@ def _check(settings: Mapping[str, Any]) -> None:
             "calibrate distances: must be three different ones or more, none below 0, got "
             f"{distances.tolist()}"
         )
-    for name in ("sound_speed", "assumed_sound_speed"):
-        problem = of_sound_speed(settings[name])
-        if problem is not None:
-            warn(f"calibrate {name}: {problem}", ConfigurationWarning, stacklevel=3)
     if settings["pings"] < 2:
         raise ConfigurationError(f"calibrate pings: must be 2 or more, got {settings['pings']!r}")
 
