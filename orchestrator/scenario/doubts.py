@@ -146,8 +146,7 @@ def _of_arrangement(scenario: Scenario) -> Iterator[str]:
         "degenerate", id(platform), lambda: arrangement.degenerate(beacons_of(platform)), platform
     )
     if problem is not None:
-        key = "beacon_m" if is_given else "arm_length_m"
-        yield f"{scenario.where('platform', key)}: {problem}"
+        yield f"{scenario.where('platform', 'beacon_m')}: {problem}"  # arms are in a circle
 
 
 def _of_receivers(scenario: Scenario, chosen: Mapping[str, Source]) -> Iterator[str]:

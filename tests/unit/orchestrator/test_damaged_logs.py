@@ -290,6 +290,8 @@ def test_depths_of_another_time_than_the_ranges_are_told(tmp_path: Path, later_s
 def test_what_is_above_the_water_in_a_log_is_told(tmp_path: Path) -> None:
     said, log = depths(tmp_path, -1.0, 0.0), _read(_folder(tmp_path, "as it is"))
     assert (log.depth > 2).any()
+    scale = 1.5 / log.depth.max()
+    assert not depths(tmp_path, -scale, 0.0) + depths(tmp_path, scale, 0.0)  # in the waves
     assert said == (
         "depth.csv: depths should be under water (down is positive), got "
         f"{-log.depth.max():.4g} m; {(log.depth > 2).sum():,} of {len(log.depth):,} are more than "
