@@ -121,7 +121,13 @@ def test_many_dives_have_the_numbers_of_many_runs(
         assert found["lostInterval"] == pytest.approx([row["lost_low"], row["lost_high"]], abs=1e-9)
         assert found["claim"]["verdict"] == row["covariance"]
         assert found["claim"]["factor"] == pytest.approx(row["covariance_factor"], rel=1e-9)
-        assert sum(found["histogram"]["shares"]) + found["histogram"]["beyond"] == pytest.approx(1)
+        bars = found["histogram"]
+        assert sum(bars["shares"]) + bars["beyond"] == pytest.approx(1)
+        lengths = table[[f"{name}.absolute_total_p{p}_m" for p in PERCENTAGES]].to_numpy(float)
+        parts = np.tile(WEIGHTS / WEIGHTS.sum() / runs, runs)
+        edges = [*bars["edges"][: len(bars["shares"])], bars["edges"][-1]]
+        expected = np.histogram(lengths.ravel(), edges, weights=parts)[0]
+        np.testing.assert_allclose(bars["shares"], expected, atol=1e-12)
 
 
 def test_dives_are_shown_as_they_grow(told: Mapping[str, Any], tmp_path: Path) -> None:
