@@ -1,5 +1,7 @@
 """Makes the helpers beside the tests importable (``from stepper import Stepper``)."""
 
+import functools
+import gc
 import os
 import sys
 import time
@@ -9,6 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import typer.main
+import typer.testing
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as in the command, before NumPy is loaded
 sys.path.insert(0, str(Path(__file__).parent / "unit" / "models"))
@@ -17,6 +21,10 @@ sys.path.insert(0, str(Path(__file__).parent / "physics"))
 sys.path.insert(0, str(Path(__file__).parent))
 
 from seams import Seam
+
+# A command of typer is the same each time that it is made, from hundreds of signatures.
+typer.main.get_command = typer.testing._get_command = functools.cache(typer.main.get_command)
+gc.set_threshold(100_000)  # as in the command: what a worker has loaded is not garbage
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -142,7 +142,8 @@ class Seam:
 def _holders(thing: Any) -> Iterator[tuple[ModuleType, str]]:
     """Modules of the product that have something, and the names by which they have it."""
     for known_as, module in [*sys.modules.items()]:
-        if known_as.partition(".")[0] == "sblcosim":
+        own = known_as.partition(".")[0] == "sblcosim"
+        if own and id(thing) in map(id, vars(module).values()):
             yield from ((module, name) for name, value in vars(module).items() if value is thing)
 
 

@@ -127,7 +127,10 @@ class Page:
         return done.stdout
 
 
-LONG = {"boat", "budget", "log", "look-back", "own-system", "ranging", "receiver", "study"}
+LONG = {
+    "boat", "budget", "compare", "explore", "json", "log", "look-back", "map", "other-tools",
+    "own-system", "ranging", "receiver", "require", "study",
+}
 """Pages whose code takes long; `pytest -m slow` runs it."""
 WITH_CODE = [
     path for path in DOCUMENTS if path != RECIPES and any(not reason(b) for b in blocks(path))

@@ -327,10 +327,12 @@ def again(
     return made["report"], made["html"]
 
 
+@pytest.mark.slow
 def test_equal_runs_give_an_equal_report(again: tuple[str, str], text: str) -> None:
     assert again[0] == text
 
 
+@pytest.mark.slow
 def test_a_notebook_shows_the_summary_tables_the_answers_and_all_figures(
     again: tuple[str, str], tree: Any, finished: tuple[Path, str]
 ) -> None:

@@ -123,6 +123,7 @@ print(json.dumps({
 """
 
 
+@pytest.mark.slow
 def test_a_schedule_and_a_content_of_packets(all_of_them: Copy) -> None:
     found = json.loads(with_documents(all_of_them, PINGS))
     pairs = [[0, 1, 0, 1], [1, 0, 1, 0]]  # of the order 2, 4, 1, 3

@@ -19,6 +19,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import sblcosim
+from quick import few
 from sblcosim.data.record import Record
 from sblcosim.errors import ConfigurationError, ConfigurationWarning, FmuError
 from sblcosim.fmus.build.factory import build
@@ -170,7 +171,7 @@ def test_a_truncated_library_is_named(
     same(result, alone)
 
 
-@pytest.mark.parametrize("master", ["native", "python"])
+@pytest.mark.parametrize("master", few(["native", "python"], quick=["native"]))
 @pytest.mark.parametrize(
     ("what", "phase"),
     [
@@ -281,7 +282,7 @@ def test_without_any_receiver_left_nothing_is_written(rogue: Rogue, tmp_path: Pa
     assert not out.exists()
 
 
-@pytest.mark.parametrize("phase", ["load", "step"])
+@pytest.mark.parametrize("phase", few(["load", "step"], quick=["step"]))
 def test_a_flood_of_output_is_kept_from_ours(phase: str, rogue: Rogue, tmp_path: Path) -> None:
     file = rogue("flood", phase)
     done = command(
@@ -497,7 +498,7 @@ def own(tmp_path_factory: pytest.TempPathFactory) -> pd.DataFrame:
     return runner.run(study([]), tmp_path_factory.mktemp("own"))
 
 
-@pytest.mark.parametrize("executor", ["threads", "processes"])
+@pytest.mark.parametrize("executor", few(["threads", "processes"], quick=["processes"]))
 def test_a_study_keeps_the_healthy_receivers_columns(
     executor: str, rogue: Rogue, own: pd.DataFrame, tmp_path: Path
 ) -> None:

@@ -21,6 +21,7 @@ import numpy as np
 import pytest
 import sblcosim
 from numpy.typing import NDArray
+from quick import few
 from sblcosim.cli import app
 from sblcosim.export.container import export_fmu
 from sblcosim.export.ssp import export_ssp
@@ -127,10 +128,7 @@ def skip_without(complaint: str) -> None:
         pytest.skip(complaint.strip())
 
 
-@pytest.mark.parametrize("scenario", [
-    pytest.param(name, marks=pytest.mark.slow if "another receiver" in name else [])
-    for name in SCENARIOS
-])
+@pytest.mark.parametrize("scenario", few(SCENARIOS, quick=["another"]))
 @pytest.mark.parametrize("tool", TOOLS)
 def test_every_tool_gives_our_estimates(
     tool: str, scenario: str, packages: Callable[[str], Path]

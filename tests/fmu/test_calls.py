@@ -25,8 +25,8 @@ CALLS = pytest.mark.parametrize(
 )
 LONG = ("array", "coupled", "fixed_lag", "long_baseline")
 """Components that take long; the code around them is that of all others."""
-SLOW = {("fixed_lag", 2), *((name, 3) for name in LONG)}
-"""What ``-m slow`` takes: `fixed_lag` is made of the equations of `coupled`."""
+SLOW = {(name, fmi) for name in LONG for fmi in (2, 3)} - {("coupled", 2)}
+"""What ``-m slow`` takes."""
 LIBRARY_ONLY = {"-shared", "-s", "-O2", "-fvisibility=hidden"}
 SANITIZE = (
     "-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover=all", "-g", "-O0",

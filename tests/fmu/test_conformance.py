@@ -83,10 +83,7 @@ def others(report: Report) -> set[str]:
     return of(report, "does not apply", "not run")
 
 
-OFTEN = {
-    ("target", 3), ("platform", 2), ("acoustics", 3), ("ekf", 2), ("coupled", 3), ("sequential", 3),
-    ("long_baseline", 3),
-}  # fmt: skip
+OFTEN = {("platform", 2), ("acoustics", 3), ("ekf", 2), ("coupled", 3)}
 """What every run of the tests examines."""
 
 

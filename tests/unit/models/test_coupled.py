@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from coupled_reference import PSI, SINK, Learning, Reference
 from harness import CROSS, NS, Array, at_rest, hear, model, straight
+from quick import few
 from raft import LINE, Raft
 from sblcosim.models import RECEIVERS
 from sblcosim.models.receiver import bank, surroundings
@@ -124,7 +125,7 @@ def test_restarts_are_the_same(pose_source: int) -> None:
 # --- Motion that is learned ----------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("pose_source", [1, 2, 3])
+@pytest.mark.parametrize("pose_source", few([1, 2, 3], quick=[1, 3]))
 @pytest.mark.parametrize("start", [{}, PRIOR], ids=["first receptions", "prior"])
 @pytest.mark.parametrize("late", [{}, OUTLIERS], ids=["punctual", "late"])
 def test_learned_motion_is_an_interacting_multiple_model(

@@ -336,8 +336,8 @@ ROUNDED = {
     "keys.in_file_units": 1e-11, "times.update_interval": 1e-9, "either.rounded": 1e-4,
 }
 """Relative errors of numbers that are rounded: to twelve digits, and to whole nanoseconds."""
-QUICK = ("gps-buoys", "harbour-lbl", "harbour-random", "paper-scenario-1", "realistic-sea")
-SCENARIOS = few([*shipped(), *range(4)], quick=(*QUICK, *range(4)))
+QUICK = ("gps-buoys", "harbour-random", "realistic-sea", *range(2))
+SCENARIOS = few([*shipped(), *range(4)], quick=QUICK)
 
 
 def scenario_of(which: str | int) -> Tables:

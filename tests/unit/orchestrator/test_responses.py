@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import sblcosim
+from quick import few
 from sblcosim.data.record import Record
 from sblcosim.data.truth import TRUTH
 from sblcosim.errors import ConfigurationError
@@ -257,7 +258,7 @@ def test_a_function_of_a_file_is_known_by_the_file(tmp_path: Path) -> None:
         ("digits", "must be a number, got '0.5'"),
     ],
 )
-@pytest.mark.parametrize("executor", ["threads", "processes"])
+@pytest.mark.parametrize("executor", few(["threads", "processes"], quick=["threads"]))
 def test_a_function_that_fails_ends_the_study(
     tmp_path: Path, name: str, message: str, executor: str
 ) -> None:

@@ -247,6 +247,7 @@ PROJECT = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_mutations_of_a_tree_run_the_tests_that_execute_them(tmp_path: Path) -> None:
     tree, record = tmp_path / "tree", tmp_path / "record"
     for name, text in PROJECT.items():
