@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 import sblcosim
-from scipy import stats
 from sblcosim.identification.fit import Fit, parameters_of
 from sblcosim.identification.innovations import PARAMETERS, PRIOR, Ranges
 from sblcosim.identification.path import noise_of, smoothed, start
 from sblcosim.identification.places import place_std
 from sblcosim.identification.swings import CarrierSwing, sines, swings_of
+from scipy import stats
 
 BEACONS = np.array([[21.0, 12.0, 11.0], [-14.0, 25.0, 13.0], [-3.0, -28.0, 5.0]])
 
