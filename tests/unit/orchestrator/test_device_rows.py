@@ -633,3 +633,24 @@ def test_the_fewest_ranges_and_the_most_beacons(bench: Bench) -> None:
     with pytest.raises(ConfigurationError) as refused:
         bench.device(chosen(), replace(heard(), beacon=np.arange(N) % 17))
     assert str(refused.value) == "log: must have at most 16 beacons, got 17"
+
+
+def test_two_offsets_of_unequal_uncertainty_differ_by_what_that_does_not_explain(
+    bench: Bench,
+) -> None:
+    """With two, it is half of the squared difference minus the mean of the variances."""
+    device = bench.device(chosen())
+    for apart, found in ((1.8, np.sqrt(1.8**2 / 2 - (0.1**2 + 0.3**2) / 2)), (0.5, 0.0)):
+        rows = [Number(f"range_offset[{b}]", at, at - Z * std, at + Z * std, "m", YES, "")
+                for b, at, std in ((1, 0.4, 0.1), (3, 0.4 + apart, 0.3))]
+        assert replace(device, numbers=rows).offsets_std == pytest.approx(found, rel=1e-5)
+
+
+def test_what_is_usual_of_a_device_of_which_nothing_is_known(bench: Bench) -> None:
+    """Five metres, a tenth of the distance, half a decimetre of depth, 1 mm of clock in 1 s."""
+    prior = bench.device(chosen()).ranges.prior
+    usual = {"offset_std": 5.0, "scale_std": 0.1, "depth_bias_std": 0.05, "clock_walk": 0.001**2}
+    assert {name: prior[name] for name in usual} == pytest.approx(usual)
+    assert not any(value for name, value in prior.items() if name.startswith("place"))
+    arrival = heard().range_ns / 1e9 + heard().range / 1500.0
+    assert bench.device(chosen()).ranges.time == pytest.approx(np.sort(arrival), abs=1e-9)

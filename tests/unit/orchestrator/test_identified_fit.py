@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from sblcosim.identification.innovations import (
     evaluate,
     likelihoods,
 )
+from scipy.optimize import minimize
 from seams import Seam
 
 CENTRE = {"range_std": -1.5, "late_share": -3.0, "late_mean": 0.0, "acceleration_psd": -6.5,
@@ -49,8 +51,16 @@ class Known:
     both: float = 0.0
     curved: Any = field(default_factory=CURVED.copy)
     slopes: Any = field(default_factory=lambda: np.zeros((len(PARAMETERS), N)))
+    rough: float = 0.0
+    """Whether it is no paraboloid (1), and densities are no planes."""
     beyond: float = 99.0
     """Logarithm of the noise above which there is no likelihood."""
+
+    def bumps(self, off: Any) -> Any:
+        """What makes it no paraboloid."""
+        first, second, _, fourth = off[..., :4].T
+        return self.rough * (0.8 * np.sin(2 * first + second) + 0.3 * np.sin(3 * fourth)
+                             - second**4 - 2 * first**2 * np.cos(second))
 
     def coordinates(self, parameters: Any) -> Any:
         at = np.array(parameters, float)
@@ -73,10 +83,12 @@ class Known:
             off[:, i] = off[:, i] * (walks if name == "range_walk" else turns)
         gain = np.where(walks, self.both if turns else self.walk, self.turns if turns else 0.0)
         found = gain - 0.5 * np.einsum("ki,ij,kj->k", off, curved, off) - 30.0
+        found = found + self.bumps(off)
         return np.where(z[:, 0] > self.beyond, np.nan, found)
 
     def evaluate(self, ranges: Any, parameters: Any, hypotheses: int = 1) -> Filtered:
-        density = self.coordinates(parameters) @ self.slopes
+        at = self.coordinates(parameters)
+        density = (np.exp(at) if self.rough else at) @ self.slopes
         return Filtered(np.zeros(0), {"density": density}, np.zeros((0, 0)), np.zeros((0, 0, 0)))
 
 
@@ -196,3 +208,48 @@ def test_a_log_does_not_tell_less_than_is_known_without_it(search: Any) -> None:
 def test_parameters_without_a_likelihood_are_not_taken(search: Any) -> None:
     found = search(Known(beyond=-1.0), 0.5)
     assert found.at == pytest.approx(posterior(found.names)[0], abs=3e-4)
+
+
+def test_the_curvature_is_that_of_the_best_paraboloid_as_far_as_the_cost_rises_by_a_half(
+    search: Any,
+) -> None:
+    """It goes through points at one and at two steps along an axis, or along two of them."""
+    curved = 3 * CURVED
+    known = Known(rough=1.0, curved=curved)
+    known.slopes[:4] = np.array([[900.0], [700.0], [5.0], [9e3]]) * np.sin(
+        np.arange(N) / 9 + np.arange(4)[:, None])
+    found = search(known)
+    peak, centre, width = (
+        np.array([x[name] for name in found.names]) for x in (PEAK, CENTRE, WIDTH)
+    )
+
+    def cost(at: Any) -> Any:
+        off = at - peak
+        return (0.5 * np.einsum("...i,ij,...j->...", off, curved, off) - known.bumps(off)
+                + 0.5 * np.sum(((at - centre) / width) ** 2, axis=-1))
+
+    at = minimize(cost, peak, options={"gtol": 1e-7}).x
+    assert found.at == pytest.approx(at, abs=3e-4)
+    steps = []
+    for unit in np.eye(4):
+        step = 0.02
+        while np.mean(cost(at + step * np.stack([unit, -unit]))) - cost(at) < 0.5:
+            step *= 2
+        steps.append(min(step, 0.64))
+    assert len(set(steps)) > 2
+    star = np.array([x for x in product((-1, 0, 1), repeat=4) if 0 < np.count_nonzero(x) < 3])
+    points = np.concatenate([np.zeros((1, 4)), star, 2 * star])
+    i, j = np.triu_indices(4)
+    terms = [np.ones(len(points)), *points.T, *(points[:, i] * points[:, j]).T]
+    best = np.linalg.lstsq(np.stack(terms, axis=1), cost(at + points * steps), rcond=None)[0][5:]
+    H = np.zeros((4, 4))
+    H[i, j] = best
+    H = (H + H.T) / np.outer(steps, steps)
+    slope = (np.exp(at) * np.sinh(steps) / steps)[:, None] * known.slopes[:4]
+    blocks = np.stack([slope[:, a:b].sum(axis=1) for a, b in ((0, 20), (20, 40), (40, N))])
+    blocks -= blocks.mean(axis=0)
+    inverse = np.linalg.inv(H)
+    sandwich = inverse @ blocks.T @ blocks @ inverse
+    more = np.sqrt(np.maximum(np.diag(sandwich) / np.diag(inverse), 1.0))
+    assert more.max() > 1.3
+    assert found.covariance == pytest.approx(inverse * np.outer(more, more), rel=2e-3, abs=1e-6)
