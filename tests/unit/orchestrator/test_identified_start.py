@@ -207,7 +207,7 @@ def test_the_uncertainty_of_places_of_many_wide_ranges() -> None:
     g, times = far_off([12] * 12, OFF, place_std=0.6, offset_std=0.5), 1000.0
     value, _ = expected(g, False)
     wide = {name: times * std for name, std in g.prior.items()}
-    found = replace(FOUND, at=FOUND.at + [np.log(times), 0.0, 0.0, 0.0])
+    found = replace(FOUND, at=FOUND.at + np.log([times, 1.0, 1.0, 1.0]))
     far = replace(g, range=FAR + times * (g.range - FAR), prior=wide)
     assert place_std(far, found) == pytest.approx(times * value, rel=0.01)
 
