@@ -156,11 +156,14 @@ def device(
 
 
 def pinging(every_s: float, apart_s: float, beacons: int = 4, rounds: int = 12) -> Log:
-    """A log whose beacons ping one after the other, so far apart, in rounds."""
+    """A log whose beacons ping one after the other, so far apart, in rounds from 7 s on. In the
+    first round the last two come 1 cs after the ones before."""
     log = made(seconds=beacons * rounds, truth=False)
     heard = log.receptions
     number = np.arange(beacons * rounds)
-    epoch = 1e9 * (every_s * (number // beacons) + apart_s * (number % beacons))
+    epoch = 7.0 + every_s * (number // beacons) + apart_s * (number % beacons)
+    epoch[2:beacons] = epoch[1] + 0.01 * np.arange(1, beacons - 1)
+    epoch = np.rint(1e9 * epoch)
     return replace(log, depth_ns=log.depth_ns[:0], depth=log.depth[:0], receptions=replace(
         heard, beacon=number % beacons, epoch_ns=epoch.astype(np.int64),
         arrival_ns=epoch.astype(np.int64)))
@@ -263,6 +266,6 @@ def test_a_log_that_gives_no_path_keeps_the_default_and_says_so() -> None:
 
 
 def test_a_log_with_a_range_to_each_beacon_has_a_ping_a_second() -> None:
-    keys, _ = dive_of(pinging(2.0, 0.5, rounds=1), device(TIME), BASE)
+    keys, _ = dive_of(pinging(2.0, 0.5, beacons=2, rounds=1), device(TIME), BASE)
     assert keys["acoustics.schedule"] == "round_robin"
-    assert keys["time.sampling_time_s"] == 0.25
+    assert keys["time.sampling_time_s"] == 0.25  # a fourth, as there are four in the base
