@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from sblcosim.calibrate import RANGE_TEST_M, calibrate
 from sblcosim.errors import ConfigurationError, ConfigurationWarning
+from sblcosim.models.declaration import Variable
+from sblcosim.models.ports import BEACON_POSITIONS, BEACONS, MOTION, RECEPTION
 
 
 @pytest.fixture(scope="module")
@@ -208,3 +210,172 @@ def test_a_refusal_says_whether_0_is_possible(argument):
 def test_what_takes_long_to_import_waits_until_it_is_used():
     code = "import sys, sblcosim.calibrate; sys.exit('statsmodels' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code]).returncode == 0
+
+
+# --- With ranges that are written down ------------------------------------------------------------
+
+
+class Written:
+    """Acoustics whose ranges are those of a list, ping by ping; the second beacon is heard."""
+
+    given = ("sound_speed", "assumed_sound_speed", "range_std", "clock_offset", "processing_delay",
+             "processing_delay_correction", "seed", "sampling_time")
+    variables = (
+        *(Variable(name, "As given", "parameter", start=0.0) for name in given),
+        *(Variable(prefix + v.name, v.description, "input", v.unit, v.shape, start=0.0)
+          for prefix, ports in (("target_", MOTION), ("", BEACON_POSITIONS)) for v in ports),
+        *(v for v in RECEPTION if v.name in ("range", "range_epoch", "reception_count")),
+    )
+
+    def __init__(self, ranges):
+        self.ranges, self.count, self.told, self.seen = ranges, 0, None, []
+
+    def initialise(self, start_ns, parameters):
+        self.told = {name: float(value) for name, value in parameters.items()}
+        return self.outputs(0.0, 0.0)
+
+    def do_step(self, time_ns, step_ns, inputs):
+        # Inputs hold during a step: those of the instant at which it begins.
+        assert not any(np.any(inputs[name]) for name in (
+            "target_velocity", "beacon_position", "reported_beacon_position"))
+        if time_ns == 0 or self.count == len(self.ranges):
+            return self.outputs(0.0, 0.0)
+        self.seen.append((time_ns, *inputs["target_position"]))
+        self.count += 1
+        return self.outputs(self.ranges[self.count - 1], time_ns / 1e9)
+
+    def outputs(self, far, epoch):
+        only = np.arange(BEACONS) == 1
+        return {"range": far * only, "range_epoch": epoch * only,
+                "reception_count": self.count * only.astype(np.int32)}
+
+
+RANGES = [9.7, 10.1, 9.9, 4.9, 5.2, 5.2, 1.0, 1.2, 1.1, 19.5, 19.6, 20.0, 48.8, 49.4, 48.8]
+"""Of 10 m, then of 5, 1, 20 and 50 m, three pings each."""
+
+
+def written(**more):
+    made = []
+
+    def acoustics():
+        made.append(Written(RANGES))
+        return made[-1]
+
+    result = calibrate(distances=(5.0, 1.0, 20.0, 50.0), pings=3, acoustics=acoustics, **more)
+    return result, made[-1]
+
+
+SETTINGS = {
+    "sound_speed": 1510.0, "assumed_sound_speed": 1480.0, "range_std": 0.2, "clock_offset": 3e-5,
+    "processing_delay": 1e-3, "processing_delay_correction": 2e-3, "distance": 10.0,
+    "distance_std": 0.05, "seed": 7,
+}
+
+
+def test_ranges_that_are_written_down_give_both_speeds():
+    asked = []
+    result, acoustics = written(**SETTINGS, before=asked.append)
+    told = {name: SETTINGS[name] for name in Written.given if name != "sampling_time"}
+    assert acoustics.told == {**told, "sampling_time": 1.0}
+    assert acoustics.seen == [
+        ((k + 1) * 10**9, d, 0.0, 0.0)
+        for k, d in enumerate(np.repeat([10.0, 5.0, 1.0, 20.0, 50.0], 3))
+    ]
+    settings = {**SETTINGS, "distances": (5.0, 1.0, 20.0, 50.0), "pings": 3}
+    assert result.settings == settings
+    assert asked == [{"calibration": {"settings": {**settings, "distances": [5, 1, 20, 50]}}}]
+    # 10 m look like 9.9 m, with 0.2 m of noise.
+    speed = 1480 * 10 / 9.9
+    assert result.known_distance.value == pytest.approx(speed)
+    assert result.known_distance.std == pytest.approx(
+        speed * np.hypot(0.2 / np.sqrt(3) / 9.9, 0.005)
+    )
+    assert result.per_ping_m_s == pytest.approx(speed * 0.2 / 9.9)
+    table = result.table
+    assert table["distance_m"].tolist() == [5, 1, 20, 50]
+    assert table["pings"].tolist() == [3] * 4
+    assert table["mean_m"].tolist() == pytest.approx([5.1, 1.1, 19.7, 49.0])
+    assert table["std_m"].tolist() == pytest.approx(
+        [np.sqrt(0.03), 0.1, np.sqrt(0.07), np.sqrt(0.12)])
+    assert table["error_m"].tolist() == pytest.approx([0.1, 0.1, -0.3, -1.0])
+    slope, intercept = np.polyfit([5, 1, 20, 50], [5.1, 1.1, 19.7, 49.0], 1)
+    assert (result.slope, result.intercept_m) == pytest.approx((slope, intercept))
+    assert result.line.value == pytest.approx(1480 / slope)
+    assert result.line.std == pytest.approx(1480 / slope * result.slope_std / slope)
+
+
+def test_the_whole_text_and_the_plain_data_of_a_calibration():
+    result, _ = written(**SETTINGS)
+    known, line = result.known_distance, result.line
+    assert str(result).splitlines() == [
+        "Speed of sound: true 1510 m/s, assumed for ranging 1480 m/s",
+        f"  from 3 ranges over 10 m: 1494.9 ± {known.std:.1f} m/s (standard deviation of a single "
+        f"ping {result.per_ping_m_s:.1f} m/s)",
+        f"  from the slope of the range test:   {line.value:.2f} ± {line.std:.2f} m/s",
+        f"Range test: range = {result.intercept_m:.4f} m (± {result.intercept_std_m:.4f}) + "
+        f"{result.slope:.5f} (± {result.slope_std:.5f}) × distance",
+        f"  the intercept is an error of clock and delay of {result.intercept_m / 1480 * 1e6:.1f} "
+        "µs",
+        "  ± is one standard uncertainty; that of the known distance leaves out clock and delay",
+        "",
+        " distance_m  pings mean_m std_m error_m",
+        "        5.0      3  5.100 0.173   0.100",
+        "        1.0      3  1.100 0.100   0.100",
+        "       20.0      3 19.700 0.265  -0.300",
+        "       50.0      3 49.000 0.346  -1.000",
+    ]
+    assert result.title == "Calibration"
+    assert [*result.tables] == ["range_test"]
+    assert result.tables["range_test"] is result.table
+    assert f"of the speed of sound: 1494.9 ± {known.std:.1f} m/s" in repr(result)
+    plain = result.to_json()
+    assert plain["known_distance"] == {"value": known.value, "std": known.std}
+    assert plain["line"] == {"value": line.value, "std": line.std}
+    numbers = ("per_ping_m_s", "intercept_m", "intercept_std_m", "slope", "slope_std")
+    assert {n: plain[n] for n in numbers} == {n: getattr(result, n) for n in numbers}
+    assert [row["distance_m"] for row in plain["table"]] == [5, 1, 20, 50]
+    assert {*plain} == {"settings", "known_distance", "line", "table", *numbers}
+    assert result.manifest() == {"calibration": plain}
+
+
+def test_the_figure_of_a_calibration_shows_its_line_and_its_ranges():
+    result, _ = written(**SETTINGS)
+    above, below = result.plot().axes
+    points = next(line for line in above.get_lines() if line.get_marker() == "o")
+    assert points.get_xdata().tolist() == [5, 1, 20, 50]
+    assert points.get_ydata().tolist() == pytest.approx([5.1, 1.1, 19.7, 49.0])
+    drawn = next(line for line in below.get_lines() if line.get_label() == "fitted line")
+    x, y = drawn.get_xdata(), drawn.get_ydata()
+    assert y == pytest.approx(result.intercept_m + (result.slope - 1) * x)
+    ((bars,),) = (container.lines[2] for container in below.containers)
+    heights = [float(np.ptp(path[:, 1])) / 2 for path in bars.get_segments()]
+    assert heights == pytest.approx(result.table["std_m"].tolist())
+
+
+@pytest.mark.parametrize(("arguments", "message"), [
+    ({"sound_speed": np.inf}, "sound_speed: must be more than 0, got inf"),
+    ({"range_std": np.nan}, "range_std: must be at least 0, got nan"),
+    ({"pings": 1}, "pings: must be 2 or more, got 1"),
+    ({"distances": (3.0, 4.0)},
+     "distances: must be three different ones or more, none below 0, got [3.0, 4.0]"),
+    ({"distances": (3.0, 4.0, 5.0, np.inf)},
+     "distances: must be three different ones or more, none below 0, got [3.0, 4.0, 5.0, inf]"),
+    ({"distances": (3.0, 4.0, 5.0, -0.1)},
+     "distances: must be three different ones or more, none below 0, got [3.0, 4.0, 5.0, -0.1]"),
+])
+def test_a_refused_argument_in_a_whole_sentence(arguments, message):
+    asked = []
+    with pytest.raises(ConfigurationError) as refused:
+        calibrate(**arguments, before=asked.append)
+    assert str(refused.value) == f"calibrate {message}"
+    assert not asked
+
+
+def test_a_version_of_fmi_that_is_not_is_refused():
+    with pytest.raises(ConfigurationError, match=r"^calibrate fmi: "):
+        calibrate(fmi=1)
+
+
+def test_three_distances_and_two_pings_are_enough_in_either_version_of_fmi():
+    few = {"distances": (0.0, 1.0, 2.0), "pings": 2, "range_std": 0.1}
+    assert calibrate(**few, fmi=3).to_json() == calibrate(**few, fmi=2).to_json()
