@@ -118,7 +118,10 @@ def test_dots_that_are_not_visible_are_not_drawn_and_a_line_is_a_line() -> None:
         dot(ax)
         ax.lines[0].set_visible(False)
 
-    assert picture(dot).sum() > 10
+    ink = picture(dot)
+    rows, columns = np.indices(ink.shape) + 0.5
+    assert (ink * columns).sum() / ink.sum() == pytest.approx(20 + 20, abs=0.1)
+    assert (ink * rows).sum() / ink.sum() == pytest.approx(100 - 20 - 30, abs=0.1)
     assert picture(hidden).sum() == 0
     ax = style.new_figure(1, 1).add_subplot()
     drawing.add_line(ax, [1.0, 2.0], [3.0, 5.0], {"color": "#804020", "ls": "--", "zorder": 4})
