@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
+import matplotlib as mpl
 import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.axes import Axes
+from matplotlib.colors import to_hex
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
+from PIL import Image
 from sblcosim import style
 from sblcosim.results.figures import drawing
 from sblcosim.style import LINES, MARKERS, SMALL, THEMES
@@ -673,3 +677,70 @@ def test_texts_of_figures_have_the_sizes_of_the_style() -> None:
     figure: Any = axes[0].figure
     sizes = {text.get_text(): text.get_fontsize() for text in figure.findobj(Text)}
     assert sizes["A title"] == sizes["a name"] == style.SIZE
+
+
+# --- Style ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["light", "dark"])
+def test_a_theme_has_its_colours_and_sizes(name: style.ThemeName) -> None:
+    with style.use(name) as look:
+        assert look is THEMES[name]
+        figure = style.new_figure(4.0, 3.0)
+        ax = figure.add_subplot()
+        (line,) = ax.plot([0, 1], [0, 2])
+        text = figure.text(0.5, 0.5, "$5$")
+        title, label = ax.set_title("title"), ax.set_xlabel("label")
+        laid_out = style.new_figure(1, 2, laid_out=True)
+        figure.canvas.draw()
+    assert to_hex(figure.get_facecolor()) == to_hex(ax.get_facecolor()) == look.paper
+    spines = {where: spine.get_visible() for where, spine in ax.spines.items()}
+    assert spines == {"left": True, "bottom": True, "top": False, "right": False}
+    assert to_hex(ax.spines["left"].get_edgecolor()) == look.ink
+    assert {it.get_color() for it in (text, title, label)} == {look.ink}
+    assert {it.get_fontsize() for it in (text, title, label)} == {9.5}
+    assert not text.get_parse_math()
+    (tick, *_) = ax.xaxis.get_major_ticks()
+    assert tick.gridline.get_visible()
+    assert (tick.gridline.get_color(), tick.gridline.get_linewidth()) == (look.grid, 0.6)
+    assert tick.label1.get_color() == look.ink
+    assert ax.get_axisbelow() is True
+    assert line.get_linewidth() == 1.4
+    assert figure.get_layout_engine() is not None
+    assert laid_out.get_layout_engine() is None
+    assert laid_out.get_size_inches().tolist() == [1, 2]
+    colours = style.variables(look)
+    assert colours == {
+        "paper": look.paper, "ink": look.ink, "grid": look.grid, "soft": look.soft,
+        **{f"line-{i}": look.receivers[i] for i in range(5)},
+    }
+
+
+def test_given_axes_show_their_titles_and_labels_literally_but_not_their_texts() -> None:
+    with mpl.rc_context({"text.parse_math": True}):
+        one, other = style.new_figure(4, 3).subplots(2)
+        for ax in (one, other):
+            ax.set(title="$a$", xlabel="$b$", ylabel="$c$")
+            ax.text(0.5, 0.5, "$d$")
+        with style.use("light", one):
+            pass
+        assert not one.title.get_parse_math()
+        assert not one.xaxis.label.get_parse_math()
+        assert not one.yaxis.label.get_parse_math()
+        assert one.texts[0].get_parse_math()
+        assert other.title.get_parse_math()
+        with style.use("light", [one, other]):
+            pass
+        assert not other.yaxis.label.get_parse_math()
+
+
+def test_a_saved_figure_has_whole_pixels(tmp_path: Path) -> None:
+    figure = style.new_figure(2.003, 1.499, laid_out=True)
+    ax = figure.add_subplot()
+    style.save(ax, tmp_path, "it")
+    with Image.open(tmp_path / "it.png") as image:
+        assert image.size == (300, 225)
+    assert figure.get_size_inches() == pytest.approx([2.0, 1.5])
+    head = (tmp_path / "it.svg").read_text("utf-8")[:2000]
+    assert 'width="144pt" height="108pt"' in head
+    assert "<dc:date>" not in head
