@@ -208,3 +208,13 @@ def test_labels_and_ticks_have_the_room_of_the_axes(width: float) -> None:
     assert locator._nbins == {4.0: 3, 12.0: 10}[width]
     assert axes[1].get_legend() is not None
     assert not figure.legends
+
+
+def test_the_key_in_given_axes_is_in_the_last_of_them() -> None:
+    figure = new_figure(9.0, 9.0)
+    axes = list(figure.subplots(2, 2).flat)
+    other = figure.add_axes((0.9, 0.9, 0.05, 0.05))
+    plot_tournament([FOUR, FOUR], "error", "m", axes=axes)
+    assert [ax.get_legend() is not None for ax in (*axes, other)] == [
+        False, False, False, True, False,
+    ]  # fmt: skip
