@@ -1,17 +1,21 @@
 from __future__ import annotations
 
-from itertools import product
+from dataclasses import replace
+from itertools import pairwise, product
 
 import numpy as np
 import pandas as pd
 import pytest
-from sblcosim import study
+from sblcosim import study, style
+from sblcosim.analysis.advice import figures
 from sblcosim.analysis.advice import of_study as study_advice
 from sblcosim.analysis.advice.advice import advise
 from sblcosim.analysis.advice.figures import plot_front
 from sblcosim.analysis.common import bounds
 from sblcosim.errors import ConfigurationError
+from sblcosim.results.figures.drawing import free_places
 from scipy import stats
+from seams import Seam
 
 MEAN = {"percentile": None, "contamination": 0.2}
 """A statement about means that 4 points of 20 runs are enough for."""
@@ -299,6 +303,62 @@ def test_front_is_drawn_with_limit_and_choice(limit: float | None):
     labels = ax.get_legend_handles_labels()[1]
     assert (f"limit {limit}" in labels) == (limit is not None)
     assert ("cheapest that meets the limit" in labels) == (limit == 3.5)
+
+
+def test_front_has_its_points_bounds_limit_and_choice_where_they_are():
+    found = advise(experiment(), ["gps", "arm"], "error_m", COSTS, limit=3.5, unit="m", **MEAN)
+    points = found.points.assign(estimate=[9.0, 3.0, 5.0, 1.0], upper=[np.inf, 3.25, 5.5, 1.5])
+    ax = plot_front(replace(found, points=points))
+    look = style.THEMES["light"]
+    lines = {line.get_label(): line for line in ax.lines}
+    dots = lines["design points"]
+    assert dots.get_xydata().tolist() == [[120, 9], [160, 3], [920, 5], [960, 1]]
+    front = lines["no other point is cheaper and better"]
+    assert front.get_xydata().tolist() == [[120, 9], [160, 3], [960, 1]]
+    assert front.get_drawstyle() == "steps-post"
+    assert [*lines["limit 3.5"].get_ydata()] == [3.5, 3.5]
+    mark = lines["cheapest that meets the limit"]
+    assert mark.get_xydata().tolist() == [[160, 3]]
+    assert (mark.get_marker(), mark.get_markersize(), mark.get_color()) == (
+        "s", 8, look.receivers[0]
+    )
+    bars = [
+        (it.get_linewidth()[0], *np.ravel(segment)) for it in ax.collections
+        for segment in it.get_segments()
+    ]  # fmt: skip
+    assert bars == [(1, 160, 3, 160, 3.25), (1, 960, 1, 960, 1.5), (2, 160, 3, 160, 3.25)]
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("Cost", "Mean of error_m [m]")
+    assert ax.get_ylim()[0] == 0
+    assert ax.get_xlim() == pytest.approx((120 - 0.12 * 840, 960 + 0.12 * 840))
+    assert [text.get_text() for text in ax.texts] == ["gps 3.5\narm 0.4", "arm 3", "gps 0.1"]
+    assert [text.get_position() for text in ax.texts] == [(120, 9), (160, 3), (960, 1)]
+    unknown = points.assign(estimate=[np.nan, 3.0, -5.0, 1.0])
+    below = plot_front(replace(found, points=unknown))
+    assert len(below.lines[0].get_xdata()) == 3
+    assert below.get_ylim()[0] < -5
+
+
+def test_labels_of_the_front_keep_off_its_steps_bounds_points_and_limit(seam: Seam):
+    given: list[np.ndarray] = []
+
+    def places(ax, points, words, drawn):
+        given.append(drawn)
+        return free_places(ax, points, words, drawn)
+
+    seam.instead(figures.free_places, places)
+    found = advise(experiment(), ["gps", "arm"], "error_m", COSTS, limit=3.5, **MEAN)
+    points = found.points.assign(estimate=[9.0, 3.0, 5.0, 1.0], upper=[np.inf, 3.25, 5.5, 1.5])
+    ax = plot_front(replace(found, points=points))
+    (drawn,) = given
+    corners = [(120, 9), (160, 9), (160, 3), (960, 3), (960, 1)]
+    for one, other in pairwise(corners):
+        for share in np.linspace(0, 1, 30):
+            at = np.array(one) + share * (np.array(other) - one)
+            assert np.isclose(drawn, at).all(axis=1).any()
+    for at in ((920, 5), (160, 3.25), (960, 1.5)):
+        assert np.isclose(drawn, at).all(axis=1).any()
+    on_limit = np.sort(drawn[drawn[:, 1] == 3.5][:, 0])
+    np.testing.assert_allclose(on_limit, np.linspace(*ax.get_xlim(), 200))
 
 
 @pytest.mark.parametrize(

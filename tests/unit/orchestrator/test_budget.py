@@ -27,6 +27,7 @@ from sblcosim.comparison.budget.bound import BOUND_RUNS, bounds
 from sblcosim.comparison.budget.result import ALL, NONE, REMAINDER, Budget
 from sblcosim.comparison.budget.shares import shares
 from sblcosim.errors import ConfigurationError
+from sblcosim.layout import filled
 from sblcosim.limits.run import of_run
 from sblcosim.models import COMPONENTS
 from sblcosim.models.acoustics import clock
@@ -663,6 +664,57 @@ def test_the_key_of_the_figure_has_what_is_drawn(theme: style.ThemeName, known: 
         legends = [*picture.figure.legends, *filter(None, [picture.axes[0].get_legend()])]
         labels = [text.get_text() for it in legends for text in it.get_texts()]
         assert labels == ["m", *(["95 % interval"] if known else [])]
+
+
+@pytest.mark.parametrize("bound", [None, 0.04])
+def test_bars_of_shares_stand_in_rows_with_their_intervals(bound: float | None) -> None:
+    """With a bound there are two in a row, the receiver's above."""
+    found = _made_up((0.1, 0.15, 0.3), gps=0.25, left=0.375, bound_kind="bound")  # an odd interval
+    table = found.table.copy()
+    if bound is not None:
+        table["bound_share"] = bound * np.arange(len(table))
+    (ax,) = replace(found, table=table).plot().axes
+    names = [text.get_text().replace("\n", " ") for text in ax.get_yticklabels()]
+    assert names == ["GPS", "sound speed", f"{NONE}, all off", REMAINDER]
+    assert ax.get_yticks().tolist() == [3, 2, 1, 0]
+    assert ax.figure.get_size_inches() == pytest.approx([6.4, 1.6 + 4 * 0.42])
+    high = 0.6 if bound is None else 0.38
+    first, whiskers, *more = ax.containers
+    assert len(more) == (bound is not None)
+    up = 0.0 if bound is None else 0.19
+    for bar, row, share in zip(first, (3, 2, 1, 0), (25, 10, 37.5, 27.5), strict=True):
+        assert bar.get_width() == pytest.approx(share)
+        assert bar.get_height() == pytest.approx(high)
+        assert bar.get_y() == pytest.approx(row + up - high / 2)
+    segments = np.array(whiskers[2][0].get_segments())
+    np.testing.assert_allclose(segments[:, 0], [(24, 3 + up), (10, 2 + up), (37.5, 1 + up),
+                                                (27.5, up)])  # fmt: skip
+    np.testing.assert_allclose(segments[:, 1, 0], [26, 30, 37.5, 27.5])
+    for other in more:
+        of_bound = 100 * (bound or 0.0)
+        for bar, row, number in zip(other, (3, 2, 1, 0), (1, 2, 3, 4), strict=True):
+            assert bar.get_width() == pytest.approx(of_bound * number)
+            assert bar.get_y() == pytest.approx(row - 0.38)
+            assert bar.get_hatch() == "///"
+    between = [line for line in ax.lines if {*line.get_ydata()} == {1.5}]
+    assert len(between) == 1
+    assert ax.get_title("left").replace("\n", " ") == "m in x: absolute position, 1.00 m RMS"
+
+
+@pytest.mark.parametrize(("width", "longest"), [(4.9, 16), (5.1, 26)])
+def test_texts_of_a_narrow_figure_are_wrapped_sooner(width: float, longest: int) -> None:
+    found = _made_up((0.1, 0.05, 0.3))
+    table = found.table.replace({"source": {"sound speed": "sea surface and its reflections"}})
+    ax = style.new_figure(width, 5.0).add_subplot()
+    replace(found, table=table).plot("absolute", ax)
+    labels = [text.get_text().split("\n") for text in ax.get_yticklabels()]
+    (words,) = (lines for lines in labels if lines[0].startswith("sea"))
+    assert max(map(len, words)) <= longest
+    assert len(f"{words[0]} {words[1].split()[0]}") > longest
+    beside = max(len(line) for lines in labels for line in lines)
+    across = round(12 * (width - 0.3)) - beside
+    words = "Share of the mean square that goes when this is switched off [%]"
+    assert ax.get_xlabel() == filled(words, across)
 
 
 def test_a_receiver_without_a_relative_position_has_one_frame() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 import sblcosim
 from sblcosim.cli.documents.by_command import schema
@@ -87,6 +88,68 @@ def test_columns_of_all_kinds_are_printed_below_their_headings(more, width):
     mute = next(line for line in lines if line.startswith("mute"))
     assert mute.split() == ["mute", "x", *["–", "–", "–", "0", "–", "–"] * frames]
     assert len(total) == len(mute) == len(head)
+
+
+ONE_BELOW_THE_OTHER = """\
+Error [m]               absolute
+receiver axis       mean      RMS      std
+ekf      x         1.125  -11.250        –
+         y         2.250  -22.500  2.8e+05
+         z         3.375  -33.750        –
+         total     4.500  -45.000        –
+a_name_of_17_char
+         x        10.125 -101.250        –
+         y        11.250 -112.500  1.4e+06
+         z        12.375 -123.750        –
+         total    13.500 -135.000        –
+
+Error [m]       relative to the platform
+                  as it reports itself
+receiver axis       mean      RMS      std
+ekf      x         5.625  -56.250        –
+         y         6.750  -67.500  8.3e+05
+         z         7.875  -78.750        –
+         total     9.000  -90.000        –
+"""
+SIDE_BY_SIDE = """\
+Error [m]               absolute             relative to the platform
+                                               as it reports itself
+receiver axis       mean      RMS      std       mean      RMS      std
+ekf      x         1.125  -11.250        –      5.625  -56.250        –
+         y         2.250  -22.500  2.8e+05      6.750  -67.500  8.3e+05
+         z         3.375  -33.750        –      7.875  -78.750        –
+         total     4.500  -45.000        –      9.000  -90.000        –
+a_name_of_17_char
+         x        10.125 -101.250        –          –        –        –
+         y        11.250 -112.500  1.4e+06          –        –        –
+         z        12.375 -123.750        –          –        –        –
+         total    13.500 -135.000        –          –        –        –
+"""
+
+
+@pytest.mark.parametrize(("width", "expected"), [
+    (42, ONE_BELOW_THE_OTHER), (70, ONE_BELOW_THE_OTHER), (71, SIDE_BY_SIDE), (300, SIDE_BY_SIDE),
+])  # fmt: skip
+def test_frames_of_errors_stand_side_by_side_where_there_is_room(width, expected):
+    """Three columns of nine characters each, with two between frames; 15 are on their left.
+
+    A name of more than sixteen characters has a line of its own, and who has no error in any frame
+    of a block is not in it. A number that does not fit has two digits and a power.
+    """
+    names, values, rows = ("ekf", "a_name_of_17_char"), 0.0, {}
+    for name, frame in (("ekf", "absolute"), ("ekf", "relative"), (names[1], "absolute")):
+        for axis in ("x", "y", "z", "total"):
+            values += 1.125
+            std = 123456.5 * values if axis == "y" else np.nan
+            rows[name, frame, axis] = (values, -10 * values, std, 7)
+    index = pd.MultiIndex.from_tuples(rows, names=["receiver", "frame", "axis"])
+    table = pd.DataFrame([*rows.values()], index, ["mean_m", "rms_m", "std_m", "n"])
+    assert list(text.errors(table, names, width)) == expected.splitlines()
+    sixteen = table.rename(index={names[1]: "a_name_of_16_cha"})
+    found = [*text.errors(sixteen, ("ekf", "a_name_of_16_cha"), 79)]
+    row = "a_name_of_16_cha x        10.125 -101.250        –          –        –        –"
+    assert row in found
+    assert any("as it reports itself" in line for line in text.errors(sixteen, names[:1], 78))
 
 
 def test_a_row_of_json_has_the_types_that_are_declared():

@@ -2,11 +2,13 @@ from __future__ import annotations
 
 import io
 import re
+from dataclasses import replace
 from itertools import combinations, product
 
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.colors import to_hex
 from matplotlib.text import Text
 from sblcosim import style
 from sblcosim.analysis.advice.advice import advise
@@ -143,6 +145,223 @@ def test_residuals_are_drawn_against_fits_and_the_stored_run_order(replicated):
     np.testing.assert_array_equal(order.lines[-1].get_xdata(), table["run_order"])
     np.testing.assert_array_equal(order.lines[-1].get_ydata(), table["residual"])
     np.testing.assert_array_equal(normal.lines[0].get_xdata(), np.sort(table["residual"]))
+
+
+LIGHT = style.THEMES["light"]
+
+
+def test_bars_of_effects_have_the_colour_of_their_sign_and_a_row_each(replicated):
+    ax = plots.plot_pareto(replicated)
+    order = replicated.effects["t"].abs().sort_values()
+    names = [text.get_text() for text in ax.get_yticklabels()]
+    assert ax.get_yticks().tolist() == list(range(6))
+    for bar in ax.patches:
+        row = round(bar.get_y() + 0.35)
+        assert bar.get_y() == pytest.approx(row - 0.35)
+        assert bar.get_height() == pytest.approx(0.7)
+        assert bar.get_width() == pytest.approx(order[names[row]])
+        rises = replicated.effects.loc[names[row], "effect"] > 0
+        assert to_hex(bar.get_facecolor()) == LIGHT.receivers[0 if rises else 1]
+        assert (bar.get_hatch() or "") == ("" if rises else "///")
+    assert {replicated.effects.loc[name, "effect"] > 0 for name in names} == {True, False}
+    assert ax.get_ylim() == pytest.approx((-0.35 - 0.02 * 5.7, 5.35 + 0.02 * 5.7))
+    assert ax.figure.get_size_inches() == pytest.approx([6.4, 1.8 + 6 * 0.25])
+    (line,) = ax.lines
+    t = stats.t.ppf(0.975, replicated.df)
+    assert [*line.get_xdata()] == pytest.approx([t, t])
+    assert [text.get_text() for text in ax.figure.legends[0].get_texts()] == [
+        "positive effect: larger at the high level", "negative effect: smaller",
+        f"t(0.975, {replicated.df:g}) = {t:.3f}",
+    ]
+    assert ax.get_xlabel() == "Standardised effect |t|"
+    assert ax.get_title("left") == "Effects on y"
+    few = plots.plot_pareto(replicated, most=5)
+    assert [text.get_text() for text in few.get_yticklabels()] == list(order.index[1:])
+    assert plots.plot_pareto(replicated, most=6).get_title("left") == "Effects on y"
+    lenth = plots.plot_pareto(experiment(1, 3))
+    margins = [text.get_text() for text in lenth.figure.legends[0].get_texts()][2:]
+    both = experiment(1, 3).lenth
+    assert margins == [f"ME {both.me:.3g} m (Lenth)", f"SME {both.sme:.3g} m"]
+    assert lenth.get_xlabel() == "|effect| on y [m]"
+
+
+def test_an_endless_bar_is_twice_as_long_as_the_longest_other_one():
+    runs = pd.DataFrame(list(product((1.0, 3.0), repeat=2)) * 3, columns=["gps", "arm"])
+    analysis = analyse(runs.assign(y=runs["gps"]), ["gps", "arm"], "y")
+    effects = analysis.effects.copy()
+    effects["t"] = [np.inf, -7.0, *[np.nan] * (len(effects) - 2)]
+    made = replace(analysis, effects=effects)
+    ax = plots.plot_pareto(made)
+    assert sorted(bar.get_width() for bar in ax.patches)[-2:] == [7.0, 14.0]
+    assert ax.get_xlim() == pytest.approx((0, 1.2 * max(7.0, made.reference)))
+    effects["t"] = [np.inf, *[np.nan] * (len(effects) - 1)]
+    alone = plots.plot_pareto(replace(analysis, effects=effects))
+    assert max(bar.get_width() for bar in alone.patches) == 2.0
+    assert alone.get_xlim() == pytest.approx((0, 1.2 * max(1.0, made.reference)))
+
+
+@pytest.mark.parametrize(("count", "side"), [(2, 2.3), (3, 1.6), (4, 1.6), (5, 1.15)])
+def test_interactions_have_panels_below_each_other_with_one_scale(count, side):
+    names = ["gps", "arm", "loss", "sea", "ship"][:count]
+    runs = pd.DataFrame(list(product((1.0, 3.0), repeat=count)) * 2, columns=names)
+    y = runs.to_numpy() @ np.arange(1.0, count + 1) + 0.5 * runs["gps"] * runs["arm"]
+    noise = np.random.default_rng(1).normal(0, 0.1, len(runs))
+    analysis = analyse(runs.assign(y=y + noise), names, "y", order=2, unit="m")
+    panels = plots.plot_interactions(analysis)
+    figure = panels[0].figure
+    width = 1.2 + side * count
+    assert figure.get_size_inches() == pytest.approx([width, 0.8 + 0.4 + side * (count - 1)])
+    grid = panels[0].get_gridspec()
+    assert grid.get_geometry() == (count, count)
+    assert grid.get_height_ratios() == pytest.approx([0.4 / side] + [1.0] * (count - 1))
+    means = [
+        analysis.table[(analysis.table[a] == x) & (analysis.table[b] == z)]["y"].mean()
+        for a, b in combinations(names, 2) for x, z in product((1.0, 3.0), repeat=2)
+    ]  # fmt: skip
+    low, high = min(means), max(means)
+    for row, column in product(range(count), range(count)):
+        panel = panels[row * count + column]
+        assert panel.axison == (column < row)
+        if column < row:
+            assert panel.get_xlim() == pytest.approx((-0.35, 1.35))
+            assert panel.get_ylim() == pytest.approx(
+                (low - 0.08 * (high - low), high + 0.08 * (high - low))
+            )
+            labels = [word for text in panel.get_xticklabels() if (word := text.get_text())]
+            assert labels == (["1", "3"] if row == count - 1 else [])
+            name = "Mean y [m]" if column == 0 and row == max(count // 2, 1) else ""
+            assert panel.get_ylabel() == name
+            one, other = panel.lines
+            assert (one.get_marker(), other.get_marker()) == ("o", "s")
+            assert (one.get_color(), other.get_color()) == LIGHT.receivers[:2]
+            for line, value in ((one, 1.0), (other, 3.0)):
+                part = analysis.table[analysis.table[names[row]] == value]
+                expected = part.groupby(names[column])["y"].mean()
+                np.testing.assert_allclose(line.get_ydata(), expected)
+                assert line.get_xdata().tolist() == [0, 1]
+                assert line.get_markersize() == 4
+        elif column == row:
+            words = [(text.get_text(), *text.get_position()) for text in panel.texts]
+            height = 0.56 if row else 0.1
+            keys = [("1", 0.48, 0.4), ("3", 0.48, pytest.approx(0.16))] if row else []
+            assert words == [(names[row], 0.5, height), *keys]
+            assert [line.get_xydata().tolist() for line in panel.lines] == [
+                [[0.08, y], [0.4, y]] for _, _, y in keys
+            ]
+        else:
+            assert not panel.lines
+    assert figure.get_suptitle().replace("\n", " ") == (
+        "Interactions: mean y [m] at each pair of levels"
+    )
+
+
+def test_main_effects_stand_side_by_side_with_names_below(replicated):
+    ax = plots.plot_main_effects(replicated)
+    assert ax.get_xticks().tolist() == [0, 1, 2, 3, 4, 5]
+    assert [text.get_text() for text in ax.get_xticklabels()] == ["1", "3"] * 3
+    assert ax.get_xticks(minor=True).tolist() == [0.5, 2.5, 4.5]
+    assert [text.get_text() for text in ax.get_xticklabels(minor=True)] == ["gps", "arm", "loss"]
+    lines = [line for line in ax.lines if line.get_marker() == "o"]
+    assert [line.get_xdata(orig=False).tolist() for line in lines] == [[0, 1], [2, 3], [4, 5]]
+    assert ax.figure.get_size_inches() == pytest.approx([1.2 + 3 * 0.95, 3.8])
+    assert ax.get_ylabel() == "Mean y [m]"
+    assert ax.get_title("left") == "Main effects on y"
+    two = experiment(2, 2, centre=3)
+    marks = plots.plot_main_effects(two).lines[-1]
+    assert marks.get_xdata().tolist() == [0.5, 2.5, 4.5]
+    single = analyse(two.table[two.table["gps"] != 2], ["gps", "arm"], "y", unit="m")
+    assert plots.plot_main_effects(single).figure.get_size_inches()[0] == 4.0
+    long_name = "height of the antenna above the deck"
+    named = replicated.named({"gps": long_name}, {"gps": "m"}, "y")
+    for own, width in ((True, 13), (False, 9)):
+        given = None if own else style.new_figure(8, 4).subplots()
+        words = plots.plot_main_effects(named, given).get_xticklabels(minor=True)[0].get_text()
+        assert words.replace("\n", " ") == f"{long_name} [m]"
+        lines = words.split("\n")
+        assert max(map(len, lines)) <= width
+        assert len(f"{lines[0]} {lines[1].split()[0]}") > width
+
+
+def of_residuals(analysis, count):
+    """The analysis with other residuals, that are not normal and not in order."""
+    rng = np.random.default_rng(4)
+    table = pd.DataFrame({
+        "residual": rng.permutation(np.linspace(-1.0, 3.0, count)), "fit": rng.normal(5, 2, count),
+        "run_order": rng.permutation(count) + 1,
+    })
+    return replace(analysis, residuals=table)
+
+
+@pytest.mark.parametrize("count", [9, 400, 1000, 1001])
+def test_residuals_are_compared_with_a_normal_distribution(replicated, count):
+    """Blom's plotting positions; axes show the probabilities that are near."""
+    analysis = of_residuals(replicated, count)
+    normal, histogram, fits, order = plots.plot_residuals(analysis)
+    residual = np.sort(analysis.residuals["residual"])
+    dots, line = normal.lines
+    shares = (np.arange(count) + 0.625) / (count + 0.25)
+    np.testing.assert_allclose(dots.get_xdata(), residual)
+    np.testing.assert_allclose(stats.norm.cdf(dots.get_ydata()), shares)
+    ends = stats.norm.ppf(shares[[0, -1]])
+    np.testing.assert_allclose(line.get_ydata(), ends)
+    np.testing.assert_allclose(line.get_xdata(), residual.std() * ends)
+    known = [0.01, 0.1, 1, 5, 20, 50, 80, 95, 99, 99.9, 99.99]
+    expected = [p for p in known if abs(stats.norm.ppf(p / 100)) < ends[1] + 0.5]
+    assert [text.get_text() for text in normal.get_yticklabels()] == [f"{p:g}" for p in expected]
+    np.testing.assert_allclose(normal.get_yticks(), stats.norm.ppf(np.array(expected) / 100))
+    bins = {9: 7, 400: 40, 1000: 40, 1001: 40}[count]
+    assert len(histogram.patches) == bins
+    many = count > 1000
+    for panel in (normal, fits, order):
+        (mine,) = (it for it in panel.lines if it.get_marker() == ".")
+        assert (mine.get_markersize(), mine.get_alpha()) == ((3, 0.5) if many else (6, 1.0))
+        assert bool(mine.get_rasterized()) == many
+        assert len(mine.get_xdata()) == count
+    for panel in (fits, order):
+        assert [*panel.lines[0].get_ydata()] == [0, 0]
+    titles = [panel.get_title("left") for panel in (normal, histogram, fits, order)]
+    assert titles == ["Normal probability", "Histogram", "Against fitted values",
+                      "Against run order"]  # fmt: skip
+    assert [panel.get_xlabel() for panel in (normal, histogram, fits, order)] == [
+        "Residual [m]", "Residual [m]", "Fitted value [m]", "Run order (random)",
+    ]
+    assert normal.figure.get_suptitle() == "Residuals of y"
+
+
+def test_of_very_many_residuals_one_is_drawn_in_each_place(replicated):
+    """Those that lie within a five-hundredth of the panel, both ways, are one dot."""
+    analysis = of_residuals(replicated, 20_000)
+    assert len(plots.plot_residuals(analysis)[2].lines[-1].get_xdata()) == 20_000
+    places = np.array(list(product(np.arange(0.1, 100), repeat=2)))  # the middles of some cells
+    east, north = np.array([[0.15, 0.0], [0.0, 0.15]])
+    parts = [places, places + 0.05, places + east, places + north]
+    fit, residual = np.vstack([*parts, [[0.0, 0.0], [100.0, 100.0]]]).T
+    table = pd.DataFrame({
+        "fit": fit, "residual": residual, "run_order": np.arange(len(fit)) % 7,
+    })
+    fits = plots.plot_residuals(replace(replicated, residuals=table))[2]
+    expected = np.vstack([parts[0], parts[2], parts[3], [[100.0, 100.0]]])
+    np.testing.assert_array_equal(fits.lines[-1].get_xydata(), expected)
+
+
+def test_the_profile_of_the_transform_has_its_interval_and_its_best_power(replicated):
+    profile = pd.DataFrame({
+        "lambda": [-1.0, -0.5, 0.25, 1.0, 2.0], "log_likelihood": [-9.0, -4.0, -2.0, -3.5, -8.0],
+        "inside": [False, True, True, True, False],
+    })
+    ax = plots.plot_box_cox(replicated, profile=profile)
+    (span,) = ax.patches
+    extent = span.get_extents().transformed(ax.transData.inverted())
+    assert extent.intervalx == pytest.approx((-0.5, 1.0))
+    assert span.get_alpha() == 0.25
+    curve, best, logarithm, response = ax.lines
+    assert curve.get_ydata().tolist() == [-7, -2, 0, -1.5, -6]
+    assert [line.get_xdata()[0] for line in (best, logarithm, response)] == [0.25, 0, 1]
+    words = [text.get_text() for text in ax.figure.legends[0].get_texts()]
+    assert words == ["95 % interval", "best λ = 0.25"]
+    assert [(text.get_text(), text.xy) for text in ax.texts] == [
+        ("logarithm", (0, 0.02)), ("response", (1, 0.02)),
+    ]
 
 
 @pytest.mark.parametrize("theme", ["light", "dark"])

@@ -87,6 +87,128 @@ def test_interactions_are_lines_of_the_factor_with_fewer_levels(
     assert panels[0].get_title("left") == "transceiver $x$; lines: gps [m]"
 
 
+def height_of(names: list[str]) -> float:
+    """Height of a panel with these rows [inch]."""
+    return 0.55 + 0.09 * len(names) + 0.17 * sum(1 + name.count("\n") for name in names)
+
+
+def test_rows_have_the_height_of_their_lines(analysis: GeneralFactorial) -> None:
+    """A name in several lines has 0.65 more of a row for each of them."""
+    panels = figures.plot_means(analysis)
+    rows = [[text.get_text() for text in panel.get_yticklabels()] for panel in panels]
+    assert any("\n" in name for name in rows[1])
+    assert rows[2] == ["calm", "slight", "rough", "very_rough_sea_\nstate"]
+    for panel, names in zip(panels, rows, strict=True):
+        at, top = [], 0.0
+        for name in names:
+            high = 1 + 0.65 * name.count("\n")
+            at.append(top + high / 2)
+            top += high
+        np.testing.assert_allclose(panel.get_yticks(), at)
+        assert panel.get_ylim() == pytest.approx((top + 0.1, -0.1))
+        np.testing.assert_allclose(panel.containers[0].lines[0].get_ydata(), at)
+    heights = [height_of(names) for names in rows]
+    assert panels[0].get_gridspec().get_height_ratios() == pytest.approx(heights)  # type: ignore[union-attr]
+    assert panels[0].figure.get_size_inches() == pytest.approx([4.0, sum(heights) + 0.9 + 0.6])
+    assert [panel.get_title("left") for panel in panels] == ["gps [m]", "transceiver $x$", "sea"]
+    for panel, (_, own) in zip(panels, analysis.means.groupby("factor", sort=False), strict=True):
+        (line,) = (it for it in panel.lines if len({*it.get_xdata()}) == 1
+                   and [*it.get_ydata()] == [0, 1])  # fmt: skip
+        assert line.get_xdata()[0] == pytest.approx(own["mean"].mean())
+    words = [text.get_text() for text in panels[0].figure.legends[0].get_texts()]  # type: ignore[union-attr]
+    assert words == ["mean, 95 % interval", "mean of the levels"]
+
+
+def test_pairs_that_differ_have_filled_marks_in_their_rows(analysis: GeneralFactorial) -> None:
+    panels = figures.plot_pairs(analysis)
+    look = style.THEMES["light"]
+    for panel, (_, own) in zip(panels, analysis.pairs.groupby("factor", sort=False), strict=True):
+        shown = own.sort_values("difference", key=np.abs, ascending=False, kind="stable").head(15)
+        at = panel.get_yticks()
+        marks = {}
+        for container in panel.containers:
+            line = container.lines[0]
+            for x, y in line.get_xydata():
+                marks[round(y, 6)] = (x, line)
+            segments = np.array(container.lines[2][0].get_segments())
+            for (low, y), (high, _) in segments:
+                row = shown.iloc[int(np.argmin(abs(at - y)))]
+                assert (low, high) == pytest.approx((row["low"], row["high"]))
+        assert len(marks) == len(at) == len(shown)
+        for y, (_, row) in zip(at, shown.iterrows(), strict=True):
+            x, line = marks[round(y, 6)]
+            assert x == pytest.approx(row["difference"])
+            differs = bool(row["differs"])
+            assert line.get_marker() == ("o" if differs else "s")
+            assert line.get_color() == (look.receivers[0] if differs else look.soft)
+            assert line.get_markerfacecolor() == (look.receivers[0] if differs else look.paper)
+    names = [text.get_text() for text in panels[1].get_yticklabels()]
+    for name in names:  # two long names are on lines of their own
+        one, other = name.split("\n− ")
+        assert max(map(len, f"{one}\n{other}".split("\n"))) <= 20
+    assert panels[2].get_yticklabels()[-1].get_text().count("−") == 1
+    assert panels[-1].get_xlabel().replace("\n", " ") == (
+        "Difference of mean RMS of the total absolute error [m]"
+    )
+
+
+@pytest.mark.parametrize(("levels", "bars"), [(4, True), (5, False)])
+def test_up_to_four_lines_have_intervals_and_stand_beside_each_other(
+    levels: int, bars: bool
+) -> None:
+    rng = np.random.default_rng(3)
+    table = pd.DataFrame({
+        "a": np.repeat(np.arange(7), 60), "b": np.tile(np.arange(levels), 105)[:420],
+    })
+    table["y"] = table["a"] * 0.3 + table["b"] + rng.normal(0, 0.5, len(table))
+    found = analyse(table, ["b", "a"], "y")
+    panel, key = figures.plot_interactions(found)
+    assert panel.get_title("left") == "a; lines: b"
+    rows = np.arange(7) + 0.5
+    cells = found.cells
+    look = style.THEMES["light"]
+    lines = [it for it in panel.lines if len(it.get_xdata()) == 7 and it.get_marker() in "os^DvPX"]
+    assert len(lines) == levels
+    for number, line in enumerate(lines):
+        shift = 0.12 * (number - 1.5) if bars else 0.0
+        np.testing.assert_allclose(line.get_ydata(), rows + shift)
+        own = cells[cells["first_level"] == number]
+        np.testing.assert_allclose(line.get_xdata(), own["mean"])
+        assert line.get_marker() == style.MARKERS[1 + number]
+        assert line.get_color() == look.receivers[number]
+        assert line.get_markersize() == 4.5
+    assert len(panel.containers) == (levels if bars else 0)
+    for number, container in enumerate(panel.containers):
+        own = cells[cells["first_level"] == number]
+        segments = np.array(container.lines[2][0].get_segments())
+        np.testing.assert_allclose(segments[:, :, 0], own[["low", "high"]])
+    assert not key.axison
+    assert [text.get_text() for text in key.get_legend().get_texts()] == [
+        str(level) for level in range(levels)
+    ]
+    assert panel.get_xlabel() == "Mean y"
+
+
+@pytest.mark.parametrize(("names", "columns"), [
+    (["ab", "abcd"], 2), (["a", "b", "abcd", "c"], 3), (["abcde", "a", "b"], 2),
+    (["abcdefghi", "a", "b"], 2), (["abcdefghij", "a", "b"], 1),
+])  # fmt: skip
+def test_the_key_of_lines_has_as_many_columns_as_fit(names: list[str], columns: int) -> None:
+    rng = np.random.default_rng(3)
+    count = 20 * len(names)
+    table = pd.DataFrame({
+        "a": np.tile(["p", "q", "r", "s", "t"], count), "b": np.repeat(names, 100),
+    })
+    table["y"] = rng.normal(5, 0.5, len(table))
+    panels = figures.plot_interactions(analyse(table, ["a", "b"], "y", levels={"b": names}))
+    legend = panels[1].get_legend()
+    assert legend is not None
+    assert legend._ncols == columns
+    rows = -(-len(names) // columns)
+    heights = [height_of(["p"] * 5), 0.1 + 0.21 * rows]
+    assert panels[0].get_gridspec().get_height_ratios() == pytest.approx(heights)  # type: ignore[union-attr]
+
+
 @pytest.mark.parametrize("plot", ALL)
 @pytest.mark.parametrize("theme", ["light", "dark"])
 def test_all_text_is_inside_the_figure_and_large_enough(

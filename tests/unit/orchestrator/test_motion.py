@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import sblcosim
 from sblcosim.data.motion import motion_psd
-from sblcosim.results.motion import LIVELIER, Motion, motions, too_lively
+from sblcosim.results.motion import LEARNED, LIVELIER, Motion, motions, too_lively
 from sblcosim.results.result import Result
 from sblcosim.scenario.labels import RAW
 
@@ -69,6 +69,27 @@ def test_a_number_that_was_given_is_not_taken_for_learned(run: Result) -> None:
     found = motions({"coupled": origin("coupled", 0.25)}, record, ("coupled",))
     assert found == {"coupled": Motion(0.25)}
     assert motions({}, record, ("coupled",))["coupled"].assumed is None  # nothing else is known
+
+
+def test_a_q_of_zero_was_given_and_what_an_origin_tells_comes_before_the_outputs(
+    run: Result,
+) -> None:
+    record = learning(run).record
+    assert motions({"coupled": origin("coupled", 0.0)}, record, ("coupled",)) == {
+        "coupled": Motion(0.0)
+    }
+    told = {**origin("coupled", -1.0), LEARNED: {"median": 0.125, "last": 0.5}}
+    found = motions({"coupled": told}, record, ("coupled",))
+    assert found == {"coupled": Motion(None, 0.125, 0.5)}
+    words = "q of the diver's motion: "
+    assert str(found["coupled"]) == (
+        f"{words}learned, 0.12 m²/s³ in the median and 0.5 m²/s³ at the end"
+    )
+    assert str(Motion(0.0)) == f"{words}0 m²/s³ assumed"
+    assert str(Motion(None, 0.125)) == str(Motion(None, None, 0.5)) == f"{words}learned"
+    unknown = {"type": RAW, "parameters": {"acceleration_psd": "learned"}}
+    assert motions({RAW: unknown}, record, (RAW,)) == {RAW: Motion(None)}
+    assert motions({RAW: origin(RAW, None)}, record, (RAW,)) == {}
 
 
 def test_it_is_in_words_on_request_and_in_json(run: Result) -> None:

@@ -20,7 +20,7 @@ import pandas as pd
 import pytest
 import sblcosim
 from matplotlib.collections import LineCollection
-from sblcosim import require
+from sblcosim import require, style
 from sblcosim.analysis.advice.costs import of_levels
 from sblcosim.errors import ConfigurationError
 from sblcosim.fmus.build import factory
@@ -608,6 +608,124 @@ def test_designs_without_a_finite_value_are_drawn_and_counted(plot: Any) -> None
         assert -1 <= box.y0 < box.y1 <= height + 1
     keys = [text.get_tightbbox() for text in ax.figure.texts]
     assert max(box.y1 for box in keys) <= ax.get_tightbbox().y0 < legend.get_tightbbox().y0
+
+
+def drawn_answer(**changes: Any) -> Requirement:
+    """One that names two of six designs, all with different numbers."""
+    inf, nan = float("inf"), float("nan")
+    answer = pretended(require.load(changed(**changes)), dict.fromkeys(range(6), 0.5))
+    return replace(at(
+        answer, estimate=[3.5, 2.9, 3.1, 1.5, 0.95, 0.9], lower=[3.0, 2.0, -inf, 1.2, 0.9, nan],
+        upper=[3.75, inf, 3.3, 2.2, 0.99, inf], runs=[96, 0, 96, 300, 96, 64],
+        verdict=["fails", "undecided", "fails", "undecided", "suffices", "suffices"],
+    ), chosen=4, cheaper=3)  # fmt: skip
+
+
+def test_designs_have_marks_by_verdict_and_bars_to_the_known_bounds() -> None:
+    answer = drawn_answer()
+    cost = answer.designs["cost"].tolist()
+    assert cost == [30, 80, 110, 160, 510, 560]
+    ax = plot_front(answer)
+    colours = style.THEMES["light"].receivers
+    marks = {
+        (line.get_marker(), line.get_color(), line.get_markersize()): line.get_xydata().tolist()
+        for line in ax.lines if line.get_marker() in "oDX" and len(line.get_xdata())
+        and line.get_markerfacecolor() != "none"
+    }  # fmt: skip
+    assert marks == {
+        ("X", colours[0], 3.5): [[30, 3.5], [110, 3.1]],
+        ("D", colours[3], 3.5): [[80, 2.9]],
+        ("D", colours[3], 6): [[160, 1.5]],
+        ("o", colours[2], 6): [[510, 0.95], [560, 0.9]],
+    }
+    bars = {
+        (round(float(x), 6), it.get_linewidth()[0]): (low, high)
+        for it in ax.collections for (x, low), (_, high) in it.get_segments()
+    }  # fmt: skip
+    assert bars == {
+        (30, 0.5): (3.0, 3.75), (80, 0.5): (2.0, 2.9), (110, 0.5): (3.1, 3.3),
+        (160, 1.2): (1.2, 2.2), (510, 1.2): (0.9, 0.99), (560, 1.2): (0.9, 0.9),
+    }
+    (front,) = (line for line in ax.lines if line.get_drawstyle() == "steps-post")
+    assert front.get_xydata().tolist() == [[30, 3.5], [80, 2.9], [160, 1.5], [510, 0.95],
+                                           [560, 0.9]]  # fmt: skip
+    (limit,) = (line for line in ax.lines if line.get_label() == "limit: 1 m")
+    assert [*limit.get_ydata()] == [1.0, 1.0]
+    (ring,) = (line for line in ax.lines if line.get_markerfacecolor() == "none")
+    assert ring.get_xydata().tolist() == [[510, 0.95]]
+    assert (ring.get_markersize(), ring.get_markeredgewidth()) == (12, 1.4)
+    assert ax.get_xlim() == pytest.approx((30 - 0.06 * 530, 560 + 0.06 * 530))
+    assert ax.get_ylim() == pytest.approx((0, 3.75 + 0.08 * (3.75 - 0.9)))
+    assert ax.get_xlabel() == "Cost [€]"
+    assert ax.get_ylabel().endswith(":\n90 % of the runs are within [m]")
+    assert [text.get_text() for text in ax.figure.legends[0].get_texts()] == [
+        "suffices (2)", "undecided (1)", "fails (2)", "not tried: not shown (1)",
+        "bar: to the sure bounds", "no other is cheaper and better", "limit: 1 m",
+    ]
+    # The letter of each design is beside it, 13 points away at most.
+    ax.figure.draw_without_rendering()
+    letters = {text.get_text(): text for text in ax.texts}
+    for letter, at_x, at_y in (("A", 510, 0.95), ("B", 160, 1.5)):
+        assert letters[letter].get_position() == (at_x, at_y)
+        away = letters[letter].get_transform().transform((at_x, at_y)) - ax.transData.transform(
+            (at_x, at_y)
+        )
+        assert 6 <= 72 / ax.figure.dpi * np.hypot(*away) <= 13 * 1.2
+
+
+def test_without_costs_designs_are_in_the_order_of_their_accuracy() -> None:
+    free = {name: {k: v for k, v in choice.items() if k != "costs"}
+            for name, choice in QUESTION["choices"].items()}  # fmt: skip
+    answer = at(drawn_answer(choices=free, currency=None),
+                estimate=[3.5, float("nan"), 3.1, 1.5, 3.1, 0.9])  # fmt: skip
+    ax = plot_front(answer)
+    marks = sorted(
+        tuple(point) for line in ax.lines if line.get_marker() in "oDX"
+        and line.get_markerfacecolor() != "none" for point in line.get_xydata().tolist()
+    )  # fmt: skip
+    assert marks == [(1, 0.9), (2, 1.5), (3, 3.1), (4, 3.1), (5, 3.5)]
+    assert ax.get_xlabel() == "Designs by accuracy"
+    assert not len(ax.get_xticks())
+    assert not [line for line in ax.lines if line.get_drawstyle() == "steps-post"]
+
+
+@pytest.mark.parametrize(("plot", "width", "characters"), [
+    (plot_front, 6.4, 88), (plot_narrow, 3.7, 48),
+])  # fmt: skip
+def test_the_legend_is_above_the_axes_and_the_key_below_them(
+    plot: Any, width: float, characters: int
+) -> None:
+    ax = plot(drawn_answer())
+    figure = ax.figure
+    figure.draw_without_rendering()
+    inch = figure.dpi
+    height = figure.get_figheight()
+    key = [text.get_text() for text in figure.texts]
+    said = " ".join(" ".join(key).replace("\u00a0", " ").split())
+    answer = drawn_answer()
+    assert said == (
+        f"A the answer: {answer.priced(4)} B the next cheaper: {answer.priced(3)}"
+    )
+    assert max(map(len, key)) <= characters
+    assert len(key) == (2 if plot is plot_front else 4)
+    below = (len(key) + 0.6) * 0.165
+    for number, text in enumerate(figure.texts):
+        x, y = text.get_position()
+        assert x * width == pytest.approx(0.08)
+        assert y * height == pytest.approx(below - (number + 0.3) * 0.165)
+    (legend,) = figure.legends
+    above = legend.get_window_extent().height / inch + 0.2
+    assert figure.get_size_inches() == pytest.approx([width, 4.2 + above + below])
+    labels = ax.get_tightbbox()
+    assert labels.x0 / inch == pytest.approx(0.08, abs=0.02)
+    assert labels.y0 / inch == pytest.approx(below + 0.08, abs=0.02)
+    assert height - ax.bbox.y1 / inch == pytest.approx(above)
+    over = (labels.x1 - ax.bbox.x1) / inch
+    assert width - ax.bbox.x1 / inch == pytest.approx(max(over + 0.04, 0.12), abs=0.02)
+    assert legend.get_window_extent().x1 <= figure.bbox.x1
+    assert len({round(text.get_window_extent().x0) for text in legend.get_texts()}) == (
+        3 if plot is plot_front else 1
+    )
 
 
 def test_bars_are_in_the_key_only_if_there_are_any() -> None:

@@ -6,13 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_hex
 from matplotlib.container import ErrorbarContainer
 from matplotlib.text import Text
 from sblcosim.analysis.space import figures
 from sblcosim.analysis.space.analysis import Sensitivity, indices
 from sblcosim.study.distributions import distribution_of
 from sblcosim.study.space import DrawnFactor, sample
-from sblcosim.style import new_figure
+from sblcosim.style import THEMES, new_figure
 
 DRAWN = sample(
     (
@@ -127,6 +128,93 @@ def test_logarithmic_axes_have_plain_numbers(low_high: tuple[float, float]) -> N
     ends = np.log10([x := panel.lines[0].get_xdata()][0][[x.argmin(), x.argmax()]])
     gaps = np.diff(np.unique([*ends, *np.clip(np.log10(inside), *ends)]))
     assert gaps.max() <= min(1.0, 0.5 * np.ptp(ends)) + 1e-9
+
+
+def test_bars_of_indices_stand_in_pairs_with_the_largest_total_on_top() -> None:
+    ax = figures.plot_indices(FOUND)
+    names = list(FOUND.ranked().index[::-1])
+    bars = [c for c in ax.containers if not isinstance(c, ErrorbarContainer)]
+    look = THEMES["light"]
+    for drawn, up, colour in zip(bars, (0.18, -0.18), look.receivers, strict=False):
+        for row, bar in enumerate(drawn):
+            assert bar.get_y() + bar.get_height() / 2 == pytest.approx(row + up)
+            assert bar.get_height() == pytest.approx(0.36)
+            assert to_hex(bar.get_facecolor()) == colour
+    lines = [c for c in ax.containers if isinstance(c, ErrorbarContainer)]
+    for drawn, up in zip(lines, (0.18, -0.18), strict=True):
+        ends = np.array(drawn[2][0].get_segments())
+        np.testing.assert_allclose(ends[:, 0, 1], np.arange(len(names)) + up)
+    assert ax.get_yticks().tolist() == list(range(len(names)))
+    assert FOUND.ranked()["total"].iloc[0] == FOUND.ranked()["total"].max()
+    assert ax.figure.get_size_inches() == pytest.approx([4.8, 1.7 + 0.5 * len(names)])
+    assert ax.get_xlabel() == "Share of the variance;\nlines: 95 % intervals"
+
+
+def test_panels_of_factors_are_in_a_column_or_in_two_if_there_are_many() -> None:
+    for count, columns, width in ((3, 1, 4.2), (6, 1, 4.2), (7, 2, 5.4)):
+        names = "abcdefg"[:count]
+        even = distribution_of("uniform", range=[1, 3])
+        drawn = sample([DrawnFactor(name, even) for name in names], 64)
+        y = drawn.values.to_numpy() @ np.arange(1.0, count + 1)
+        panels = figures.plot_scatter(indices(drawn, y, "ekf.error_m"))
+        rows = -(-count // columns)
+        assert panels[0].get_gridspec().get_geometry() == (rows, columns)
+        assert panels[0].figure.get_size_inches() == pytest.approx([width, 0.9 + 2.3 * rows])
+        assert [panel.axison for panel in panels] == [True] * count + [False] * (
+            rows * columns - count
+        )
+        assert [panel.get_ylabel() for panel in panels[:count]] == [
+            "ekf.error_m [m]" if number % columns == 0 else "" for number in range(count)
+        ]
+
+
+@pytest.mark.parametrize("count", [64, 512])
+def test_runs_of_a_level_are_spread_and_many_points_are_small(count: int) -> None:
+    drawn = sample(DRAWN.factors, count)
+    x = drawn.values
+    y = (x["gps"] ** 0.5 / x["arm"] * (1 + (x["grade"] == "good")) * x["ticks"]).to_numpy()
+    panels = figures.plot_scatter(indices(drawn, y, "ekf.error_m", transform="log"))
+    points = panels[2].lines[0]
+    rows = 2 * count
+    assert len(points.get_xdata()) == rows
+    many = rows > 1000
+    assert (points.get_markersize(), points.get_rasterized()) == ((3, True) if many else (5, False))
+    assert points.get_alpha() == 0.5
+    beside = points.get_xdata() - np.round(points.get_xdata())
+    assert 0.2 < abs(beside).max() <= 0.25
+    assert abs(beside.mean()) < 0.05
+    (means,) = panels[2].containers
+    grade = drawn.values["grade"].to_numpy()
+    base = np.arange(count) * 7
+    runs = np.concatenate([base, base + 6])
+    bars = means[2][0].get_segments()
+    assert means[0].get_linestyle() == "None"
+    assert panels[0].containers[0][0].get_linestyle() == "-"
+    for place, level, bar in zip((0, 1), ("good", "bad $x$"), bars, strict=True):
+        logs = np.log(y[runs][grade[runs] == level])
+        reach = 1.959964 * logs.std(ddof=1) / np.sqrt(len(logs))
+        ends = np.exp([logs.mean() - reach, logs.mean() + reach])
+        # Lengths are those of the ends on the axis.
+        np.testing.assert_allclose(bar, [(place, ends[0]), (place, ends[1])], rtol=1e-5)
+
+
+@pytest.mark.parametrize(("rows", "bins"), [(31, 1), (32, 2), (48, 3), (319, 19), (400, 20)])
+def test_a_bin_has_sixteen_runs_and_there_are_twenty_at_most(rows: int, bins: int) -> None:
+    x = np.random.default_rng(2).permutation(np.arange(float(rows)))
+    centres, means, errors = figures.conditional_mean(x, 2 * x + 1)
+    assert len(centres) == len(means) == len(errors) == bins
+    cuts = np.round(np.linspace(0, rows, bins + 1)[1:-1]).astype(int)
+    parts = np.split(np.arange(float(rows)), cuts)
+    np.testing.assert_allclose(centres, [np.median(part) for part in parts])
+    np.testing.assert_allclose(means, [2 * part.mean() + 1 for part in parts])
+    np.testing.assert_allclose(
+        errors, [2 * part.std(ddof=1) / np.sqrt(len(part)) for part in parts]
+    )
+    one = figures.conditional_mean(np.array([1.0, 2.0, 2.0]), np.array([5.0, 1.0, 2.0]),
+                                   discrete=True)  # fmt: skip
+    assert one[1].tolist() == [5.0, 1.5]
+    assert np.isnan(one[2][0])
+    assert one[2][1] == pytest.approx(0.5)
 
 
 @pytest.mark.parametrize("theme", ["light", "dark"])

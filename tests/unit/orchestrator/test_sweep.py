@@ -6,6 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from sblcosim.analysis.means import analysis as sweep
+from sblcosim.analysis.means.tables import MEANS
+from sblcosim.style import THEMES
 
 
 def runs() -> pd.DataFrame:
@@ -55,3 +57,56 @@ def test_an_interval_ends_at_zero_if_no_run_is_below(shift: float, ends: bool) -
     assert low.iloc[1] > 0 or shift
     bar = sweep.plot_means(sweep.means(table, ["arm"], "y"))[0].collections[0].get_segments()[0]
     assert bar[:, 1].min() == 0
+
+
+def table_of(means: dict[str, list[tuple[float, float, float, float]]]) -> pd.DataFrame:
+    """The table of means, from value, mean and interval of each level."""
+    rows = [(factor, value, 5, mean, 0.5, low, high)
+            for factor, levels in means.items() for value, mean, low, high in levels]  # fmt: skip
+    return pd.DataFrame(rows, columns=MEANS.names)
+
+
+@pytest.mark.parametrize(("count", "grid", "size"), [
+    (1, (1, 1), (5.6, 3.4)), (2, (1, 2), (7.2, 3.4)), (3, (1, 3), (10.3, 3.4)),
+    (4, (2, 3), (10.3, 6.3)), (7, (3, 3), (10.3, 9.2)),
+])  # fmt: skip
+def test_panels_are_in_rows_of_three(
+    count: int, grid: tuple[int, int], size: tuple[float, float]
+) -> None:
+    levels = [(1.0, 3.0, 2.5, 3.75), (2.0, -1.0, -1.25, 0.5), (4.0, 2.0, np.nan, np.nan)]
+    panels = sweep.plot_means(table_of(dict.fromkeys("abcdefg"[:count], levels)), "it")
+    assert panels[0].get_gridspec().get_geometry() == grid  # type: ignore[union-attr]
+    assert panels[0].figure.get_size_inches() == pytest.approx(size)
+    assert [panel.axison for panel in panels] == [True] * count + [False] * (
+        grid[0] * grid[1] - count
+    )
+    for panel, name in zip(panels[:count], "abcdefg", strict=False):
+        assert panel.get_xlabel() == name
+        (container,) = panel.containers
+        line, bars = container[0], container[2][0].get_segments()  # type: ignore[index]
+        assert line.get_xydata().tolist() == [[1, 3], [2, -1], [4, 2]]
+        assert (line.get_marker(), line.get_linestyle()) == ("o", "-")
+        assert line.get_color() == THEMES["light"].receivers[1]
+        assert [bar[:, 1].tolist() for bar in bars] == [[2.5, 3.75], [-1.25, 0.5], [2, 2]]
+    assert [panel.get_ylabel() for panel in panels] == ["Mean it"] + [""] * (len(panels) - 1)
+    assert panels[0].get_ylim()[0] < -1.25
+    above = sweep.plot_means(table_of({"a": [(1.0, 3.0, 2.5, 3.75)]}))
+    assert above[0].get_ylim()[0] == 0
+
+
+def test_means_of_a_factor_are_at_the_base_of_all_others_and_of_one_run_without_interval() -> None:
+    table = pd.DataFrame(
+        [(1, 5, 7, 2.0), (1, 5, 7, 4.0), (2, 5, 7, 9.0), (1, 6, 7, 11.0), (1, 5, 8, 13.0),
+         (2, 6, 8, 100.0)], columns=["a", "b", "c", "y"],
+    )  # fmt: skip
+    found = sweep.means(table, ["a", "b", "c"], "y", [1, 5, 7], confidence=0.9)
+    assert found[["factor", "value", "runs", "mean"]].to_numpy().tolist() == [
+        ["a", 1, 2, 3], ["a", 2, 1, 9], ["b", 5, 2, 3], ["b", 6, 1, 11], ["c", 7, 2, 3],
+        ["c", 8, 1, 13],
+    ]  # fmt: skip
+    two, one = found.iloc[0], found.iloc[1]
+    assert two["std"] == pytest.approx(2**0.5)
+    # Student's t of 95 % for one degree of freedom is 6.3138.
+    assert two["high"] == pytest.approx(3 + 6.313752)
+    assert two["low"] == 0
+    assert one[["std", "low", "high"]].isna().all()
