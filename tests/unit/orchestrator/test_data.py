@@ -254,7 +254,7 @@ def test_poses_are_taken_from_where_they_are() -> None:
     attitude[4, 2] = (0.0, 0.0, 0.4)
     turn = Rotation.from_euler("ZYX", [0.7, -0.1, 0.2])
     every = np.zeros((5, 4, 3))
-    every[0] = turn.apply(BODY) + [1.0, 2.0, 3.0]
+    every[0] = np.add(turn.apply(BODY), [1.0, 2.0, 3.0])
     record = heard(**{
         "acoustics.ping_platform_position": pose, "acoustics.ping_platform_attitude": attitude,
         "acoustics.packet_beacon_position": every,
@@ -300,7 +300,8 @@ def test_a_record_without_samples_names_what_it_lacks() -> None:
 
 @pytest.mark.parametrize(("reach", "far"), [(9.99, False), (10.0, False), (10.01, True)])
 def test_beacons_ten_metres_from_their_middle_may_be_on_arms(reach: float, far: bool) -> None:
-    beacons = np.array([[reach, 0, 2.0], [-reach, 0, 2], [0, 3, 2], [0, -3, 2]]) + [50, 90, 0]
+    around = np.array([[reach, 0, 2.0], [-reach, 0, 2], [0, 3, 2], [0, -3, 2]])
+    beacons = np.add(around, [50, 90, 0])
     assert arms.are_far(beacons) == far
     assert arms.are_far(beacons[:, [2, 0, 1]]) == far
 

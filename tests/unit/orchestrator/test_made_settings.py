@@ -14,6 +14,7 @@ from sblcosim import ConfigurationError
 from sblcosim.logs.columns import KINDS
 from sblcosim.logs.log import Log
 from sblcosim.logs.raw import Flaw
+from sblcosim.processing.quality import resemblance
 from sblcosim.processing.settings import (
     PRIOR,
     arms_of,
@@ -25,6 +26,7 @@ from sblcosim.processing.settings import (
     start_values,
 )
 from sblcosim.processing.windows import Lines, Window
+from sblcosim.processing.windows import lines as lines_of
 from scipy.spatial.transform import Rotation
 
 PLACES = np.array([[7.5, 0.0, 4.0], [2.0, 5.0, 4.5], [0.0, -1.0, 3.0]])
@@ -378,17 +380,22 @@ def test_differences_of_arrivals_need_a_scenario_that_has_them() -> None:
 
 
 def test_wrong_ranges_are_findings_with_their_lines_beacons_and_sizes() -> None:
-    log = changed(made(seconds=240, std=0.02), [40, 85, 122], [-20.0, -35.0, 90.0])
+    log = changed(
+        made(seconds=240, std=0.02), [40, 85, 122, 167, 203], [-20.0, -35.0, 90.0, -27.0, 83.0]
+    )
     ready = settled(log)
     short_ = "a range too short by 20 m to 35 m, against at least three other beacons"
-    late = "a range too late by 90 m, against at least three other beacons"
+    late = "a range too late by 83 m to 90 m, against at least three other beacons"
     found = [it for it in ready.log.findings if it.table == "receptions"]
     assert found == [
         Flaw("receptions", 42, short_, of="B0", table="receptions"),
         Flaw("receptions", 87, short_, of="B1", table="receptions"),
+        Flaw("receptions", 169, short_, of="B3", table="receptions"),
         Flaw("receptions", 124, late, of="B2", table="receptions"),
+        Flaw("receptions", 205, late, of="B3", table="receptions"),
     ]
-    assert {*log.receptions.line} - {*ready.log.receptions.line} == {42, 87, 124}
+    left = {*log.receptions.line} - {*ready.log.receptions.line}
+    assert left == {42, 87, 124, 169, 205}
     assert settled(made(seconds=240, std=0.02)).log.findings == ()
 
 
@@ -399,4 +406,7 @@ def test_residuals_of_a_beacon_that_stays_off_are_alike() -> None:
     lasting = settled(changed(log, slice(None), np.where(np.arange(800) % 4 == 2, slow, 0.0)))
     assert usual.alike < 1.3
     assert lasting.alike > 1.8
+    heard = lasting.log.receptions
+    about = lines_of(lasting.log.samples(), heard.beacon_position, None)
+    assert lasting.alike == resemblance(heard.beacon, about.residual / about.scatter)
     assert lasting.arrangement == "fixed"
