@@ -8,8 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy import optimize, stats
-from scipy.spatial.transform import Rotation
 from sblcosim import limits
 from sblcosim.data.record import Record
 from sblcosim.limits import echoes, parameters, run, unknown, verdict
@@ -19,6 +17,8 @@ from sblcosim.limits.path import circle_psd, path_psd
 from sblcosim.limits.places import still_beacons
 from sblcosim.scenario.scenario import load
 from sblcosim.scenario.schema import CORE_COMPONENTS
+from scipy import optimize, stats
+from scipy.spatial.transform import Rotation
 
 NS = 10**9
 DIVE = "realistic-dive"
@@ -27,7 +27,7 @@ DIVE = "realistic-dive"
 
 
 def below(variances: Any, square: float) -> float:
-    """P(Σ λ z² ≤ x): over the angle of the first two, whose length is exponential, and the third."""
+    """P(Σ λ z² ≤ x): over the angle of the first two, with an exponential square, and the third."""
     angle = (np.arange(64) + 0.5) * pi / 128
     plane = variances[0] * np.cos(angle) ** 2 + variances[1] * np.sin(angle) ** 2
     third = variances[2] if len(variances) > 2 else 1e-12
@@ -519,7 +519,9 @@ def test_an_error_of_scale_or_of_axes_follows_the_swing_of_the_platform() -> Non
         "platform.imu_tilt_scale_factor_error": 0.1,
         "platform.imu_heading_scale_factor_error": 0.2,
     })  # fmt: skip
-    misaligned = load("paper-scenario-1", swing | {"platform.imu_misalignment_deg": [2.0, 3.0, 5.0]})
+    misaligned = load(
+        "paper-scenario-1", swing | {"platform.imu_misalignment_deg": [2.0, 3.0, 5.0]}
+    )
     e = np.deg2rad([2.0, 3.0, 5.0])
     of_scale = {"tilt_scale": [0.1 * roll, 0.1 * pitch, 0.0], "heading_scale": [0, 0, 0.2 * yaw]}
     of_axes = {"misalignment": [

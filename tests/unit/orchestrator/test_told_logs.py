@@ -1,0 +1,420 @@
+"""What is said of a processed log, in whole sentences, and where everything in its figures is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from made_logs import made
+from matplotlib.figure import Figure
+from sblcosim.data.estimates import Estimates
+from sblcosim.data.truth import Truth
+from sblcosim.processing import figures, quality
+from sblcosim.processing.align import Alignment, aligned, moved
+from sblcosim.processing.text import of_log, verdicts
+
+NS = 10**9
+
+
+# --- Texts ----------------------------------------------------------------------------------------
+
+
+def told(
+    receivers: dict[str, Any], *, dimension: int = 3, truth: Any = None, residuals: Any = None,
+    agreement: Any = None, main: str = "", remarks: Any = (), source: str = "",
+) -> Any:
+    """What a text needs of a processed log."""
+    log = made(seconds=9)
+    meta = log.meta.model_copy(update={"dimension": dimension})
+    names = ["receiver", "sample"]
+    empty = pd.DataFrame({"n": []}, index=pd.MultiIndex.from_tuples([], names=names))
+    return SimpleNamespace(
+        log=replace(log, meta=meta, source=source), truth=truth, main=main,
+        receivers=pd.DataFrame.from_dict(receivers, orient="index"),
+        residuals=empty if residuals is None else residuals,
+        agreement=empty if agreement is None else agreement, remarks=list(remarks),
+    )
+
+
+ROW = {"estimates": 1234, "first_fix_s": 3.25, "longest_gap_s": 2.0, "horizontal_rms_m": 2.0,
+       "horizontal_p95_m": 3.6, "horizontal_max_m": 5.0, "total_rms_m": 2.5, "total_p95_m": 4.4,
+       "claimed_rms_m": 2.2, "claimed_over_made": 1.1}  # fmt: skip
+
+
+@pytest.mark.parametrize(("changes", "dimension", "words"), [
+    ({}, 3, "2.5 m RMS (2.0 m horizontally), 95 % within 4.4 m; claims 2.2 m horizontally"),
+    ({}, 2, "2.0 m RMS, 95 % within 3.6 m; claims 2.2 m horizontally"),
+    ({"total_rms_m": 2.05}, 3,
+     "2.0 m RMS (2.0 m horizontally), 95 % within 4.4 m; claims 2.2 m horizontally"),
+    ({"total_rms_m": 2.03}, 3, "2.0 m RMS, 95 % within 4.4 m; claims 2.2 m horizontally"),
+    ({"claimed_over_made": 0.499}, 2,
+     "2.0 m RMS, 95 % within 3.6 m; claims 2.2 m horizontally: too little, by a factor of 2"),
+    ({"claimed_over_made": 0.5}, 2, "2.0 m RMS, 95 % within 3.6 m; claims 2.2 m horizontally"),
+    ({"claimed_over_made": 2.0}, 2, "2.0 m RMS, 95 % within 3.6 m; claims 2.2 m horizontally"),
+    ({"claimed_over_made": 2.01}, 2,
+     "2.0 m RMS, 95 % within 3.6 m; claims 2.2 m horizontally: too much, by a factor of 2.01"),
+    ({"claimed_over_made": 0.1}, 2,
+     "2.0 m RMS, 95 % within 3.6 m; claims 2.2 m horizontally: too little, by a factor of 10"),
+    ({"claimed_rms_m": np.nan}, 2, "2.0 m RMS, 95 % within 3.6 m"),
+    ({"claimed_over_made": np.nan}, 2, "2.0 m RMS, 95 % within 3.6 m; claims 2.2 m horizontally"),
+    ({"horizontal_rms_m": np.nan, "claimed_rms_m": np.nan}, 2,
+     "1,234 estimates, the first after 3.25 s"),
+    ({"nis": 18.0, "nis_expected": 2.0, "claimed_rms_m": np.nan}, 2,
+     "2.0 m RMS, 95 % within 3.6 m; its innovations are 3 times as large as it expects"),
+    ({"nis": 6.0, "nis_expected": 2.0, "claimed_rms_m": np.nan}, 2, "2.0 m RMS, 95 % within 3.6 m"),
+    ({"restarts": 3, "claimed_rms_m": np.nan}, 2,
+     "2.0 m RMS, 95 % within 3.6 m; restarted 3 times"),
+    ({"restarts": 1, "claimed_rms_m": np.nan}, 2, "2.0 m RMS, 95 % within 3.6 m; restarted 1 time"),
+    ({"restarts": 0, "claimed_rms_m": np.nan}, 2, "2.0 m RMS, 95 % within 3.6 m"),
+    ({"estimates": 0, "failure": "it is broken"}, 3, "failed: it is broken"),
+    ({"estimates": 0, "failure": np.nan}, 3, "no estimate"),
+])  # fmt: skip
+def test_a_verdict_is_a_sentence(changes: dict[str, Any], dimension: int, words: str) -> None:
+    found = told({"mine": ROW | changes, "other": ROW}, dimension=dimension)
+    assert next(iter(verdicts(found))) == f"mine: {words}"
+
+
+def residuals_of(*labels: str) -> pd.DataFrame:
+    rows = {}
+    for i, label in enumerate(labels):
+        for j, sample in enumerate(("B0", "buoy with a long name", "depth")):
+            if (i, j) == (1, 1):
+                continue
+            rows[label, sample] = {
+                "n": 1200 + j, "offset_m": -0.0421 * (1 + i) + j, "std_m": (0.05, 0.5, 5.0)[j],
+                "slope": np.nan if j == 2 else 0.00123, "autocorrelation": -0.25,
+                "tails": 0.0123,
+            }
+    table = pd.DataFrame.from_dict(rows, orient="index")
+    table.index = pd.MultiIndex.from_tuples([*rows], names=["receiver", "sample"])
+    return table
+
+
+def test_residuals_of_one_receiver_are_a_table() -> None:
+    found = told({"mine": ROW}, residuals=residuals_of("mine"), main="mine")
+    lines = of_log(found).splitlines()
+    at = lines.index("Residual [m]")
+    assert lines[at + 1].split() == ["n", "offset", "std", "slope", "lag", "1", "tails"]
+    assert [line.split() for line in lines[at + 2 : at + 5]] == [
+        ["mine", "–", "B0", "1,200", "−0.0421", "0.0500", "0.00123", "−0.250", "1.2", "%"],
+        ["mine", "–", "buoy", "with", "a", "long", "name", "1,201", "0.958", "0.500", "0.00123",
+         "−0.250", "1.2", "%"],
+        ["mine", "–", "depth", "1,202", "1.96", "5.00", "–", "−0.250", "1.2", "%"],
+    ]  # fmt: skip
+    assert len({len(line) for line in lines[at + 1 : at + 5]}) == 1
+    both = told({"mine": ROW}, residuals=residuals_of("mine", "raw"), main="mine")
+    assert not any(line.startswith("raw") for line in of_log(both).splitlines())
+    assert any(line.startswith("raw") for line in of_log(both, verbose=True).splitlines())
+
+
+def test_residuals_of_several_receivers_stand_beside_each_other() -> None:
+    """Deviations have two digits; a sample without residuals has a dash."""
+    found = told({"mine": ROW}, residuals=residuals_of("mine", "another"), main="mine")
+    lines = of_log(found).splitlines()
+    at = lines.index("Residual [m]: offset ± std")
+    assert lines[at + 1 : at + 5] == [
+        "                            mine         another",
+        "B0                −0.042 ± 0.050  −0.084 ± 0.050",
+        lines[at + 3],
+        "depth                  2.0 ± 5.0       1.9 ± 5.0",
+    ]
+    cells = lines[at + 3].split()
+    assert cells[-4:] == ["0.96", "±", "0.50", "–"]
+    assert len(lines[at + 3]) == 48
+    assert lines[at + 3].startswith("buoy")
+    narrow = of_log(found, width=40).splitlines()
+    begin = narrow.index("Residual [m]: offset ± std")
+    assert [line.split() for line in narrow[begin + 1 : begin + 9 : 4]] == [["mine"], ["another"]]
+    assert narrow[begin + 9] == ""
+    wide = told({"a": ROW}, residuals=residuals_of(*(f"receiver{i}" for i in range(5))), main="a")
+    exactly = 16 + 3 * 16
+    for width, count in ((exactly, 3), (exactly - 1, 2)):
+        text = of_log(wide, width=width).splitlines()
+        assert len(text[text.index("Residual [m]: offset ± std") + 1].split()) == count
+
+
+@pytest.mark.parametrize(("std", "words"), [
+    (0.0994, "0.123 ± 0.099"), (0.0996, "0.12 ± 0.10"), (0.994, "0.12 ± 0.99"),
+    (0.996, "0.1 ± 1.0"),
+])  # fmt: skip
+def test_a_deviation_has_two_digits(std: float, words: str) -> None:
+    table = residuals_of("a", "b").iloc[[0, 3]].assign(std_m=std, offset_m=0.123)
+    lines = of_log(told({"a": ROW}, residuals=table, main="a")).splitlines()
+    (line,) = (it for it in lines if it.startswith("B0"))
+    assert [it.strip() for it in line[2:].split("  ") if it.strip()] == [words, words]
+    table = table.assign(offset_m=-0.0001)
+    zero = of_log(told({"a": ROW}, residuals=table, main="a"))
+    assert f"0.{'0' * (len(words.split('.')[1].split()[0]))} ±" in zero
+    assert "−0" not in zero
+
+
+def test_what_follows_the_tables() -> None:
+    agreement = pd.DataFrame.from_dict({
+        ("mine", "other"): {"horizontal_rms_m": 1.5, "total_rms_m": 2.0, "max_m": 3.25, "n": 40},
+        ("mine", "gone"): {"horizontal_rms_m": np.nan, "total_rms_m": np.nan, "max_m": np.nan,
+                           "n": 0},
+    }, orient="index")  # fmt: skip
+    agreement = agreement.astype({"n": int})
+    no_truth = (
+        "There is no truth: residuals and agreement tell whether ranges, depths and receivers "
+        "contradict each other, not how far off the estimates are."
+    )
+    found = told({"mine": ROW}, agreement=agreement, remarks=["first", "second"])
+    lines = of_log(found).splitlines()
+    assert lines[0].startswith("mine: 2.5 m RMS")
+    assert lines[1] == ""
+    assert lines[2] == "Distance [m]"
+    assert lines[3].split() == ["RMS", "most", "n"]
+    assert lines[4].split() == ["mine", "–", "other", "1.50", "3.25", "40"]
+    assert lines[5:] == ["", no_truth, "first", "second"]
+    nothing = of_log(told({"mine": ROW}, agreement=agreement.iloc[1:])).splitlines()
+    assert nothing[2:] == ["There is no truth, and nothing to compare the estimates with."]
+    alone = of_log(told({"mine": ROW}, residuals=residuals_of("mine"), main="mine"))
+    assert alone.endswith(no_truth)
+    verbose = of_log(told({"mine": ROW}), verbose=True).splitlines()
+    assert verbose[-1] == (
+        "Residual: range minus that of the estimates; offset is the median, std is robust, slope "
+        "is over the range, tails are beyond four std."
+    )
+    truth = made(seconds=9).truth
+    known = told({"mine": ROW}, agreement=agreement, truth=truth, source="dive/x")
+    lines = of_log(known).splitlines()
+    assert lines[2] == "Horizontal error [m]"
+    assert lines[3].split() == ["n", "RMS", "95", "%", "most", "claimed"]
+    assert lines[4].split() == ["mine", "1,234", "2.00", "3.60", "5.00", "2.20"]
+    assert lines[5:] == ["", "log: dive/x (made)"]
+    assert "Distance [m]" in of_log(known, verbose=True)
+
+
+@pytest.mark.parametrize(("by", "words"), [
+    (Alignment(), ""),
+    (Alignment(2.5), "truth: moved its clock by +2.50 s, as meta.toml says"),
+    (Alignment(0.0, estimated=(True, False)),
+     "truth: moved its clock by 0 s, so that it fits mine best; errors are what then remains"),
+    (Alignment(0.0, -0.5, (1.25, -30.0, 0.125), (False, True)),
+     "truth: moved its frame by a turn of −28.6° and (+1.25, −30.0, +0.125) m, so that it fits "
+     "mine best; errors are what then remains"),
+    (Alignment(-1.5, 0.25, (0.0, 2.0, 0.0), (True, True), (-160.25, 12.5)),
+     "truth: moved its clock by −1.50 s and its frame by a turn of +14.3° and (0, +2.00, 0) m, so "
+     "that it fits mine best; errors are what then remains; other offsets of its clock, between "
+     "−160 s and +12.5 s, fit nearly as well"),
+])  # fmt: skip
+def test_what_was_done_to_a_truth_is_said(by: Alignment, words: str) -> None:
+    assert by.told("mine") == words
+
+
+def test_a_truth_is_moved_by_its_offset_its_turn_and_its_shift() -> None:
+    truth = Truth(time_ns=np.array([1, 3]) * NS, position=np.array([[3.0, 4.0, 5.0], [0, 1, 2]]),
+                  velocity=np.array([[1.0, 2.0, 3.0], [0, 1, 0]]))  # fmt: skip
+    found = moved(truth, Alignment(-0.25, np.arctan2(4, 3), (10.0, 20.0, 30.0)))
+    assert found.time_ns.tolist() == [750_000_000, 2_750_000_000]
+    np.testing.assert_allclose(found.position, [[8.6, 24.8, 35], [9.2, 20.6, 32]])
+    np.testing.assert_allclose(found.velocity, [[-1.0, 2.0, 3.0], [-0.8, 0.6, 0.0]])
+    bare = moved(replace(truth, velocity=None), Alignment(1.0))
+    assert bare.velocity is None
+    np.testing.assert_array_equal(bare.position, truth.position)
+
+
+@pytest.mark.parametrize(("count", "fits"), [(29, False), (30, True)])
+def test_a_frame_is_that_of_least_squares_where_all_fit(count: int, fits: bool) -> None:
+    """At least thirty estimates; and as the sum of distances, it does not follow a tenth."""
+    log = made(seconds=60)
+    truth = log.truth
+    assert truth is not None
+    meta = log.meta.model_copy(
+        update={"frame": log.meta.frame.model_copy(update={"truth": "estimate"})}
+    )
+    by = Alignment(0.0, 1.2, (40.0, -70.0, 3.0), (False, True))
+    part = np.arange(5, 5 + count)
+    seen = moved(truth, by).position[part].copy()
+    seen[::10] += [30.0, -20.0, 4.0]
+    found = aligned(
+        replace(log, meta=meta), Estimates(epoch_ns=truth.time_ns[part], position=seen)
+    )
+    assert (found is not None) == fits
+    if found is not None:
+        assert found[1].estimated == (False, True)
+        assert found[1].turn_rad == pytest.approx(1.2, abs=1e-5)
+        np.testing.assert_allclose(found[1].shift_m, by.shift_m, atol=1e-4)
+
+
+# --- Figures --------------------------------------------------------------------------------------
+
+
+def axes(count: int) -> list[Any]:
+    figure = Figure(figsize=(8, 2 * count))
+    return [*figure.subplots(count, squeeze=False)[:, 0]]
+
+
+def drawn(ax: Any, label: str) -> Any:
+    (line,) = (it for it in ax.lines if it.get_label() == label)
+    return line
+
+
+def scattered(seed: int, count: int = 50, std: float = 0.5) -> Any:
+    """A log of 60 s, its truth, and estimates with errors and claims."""
+    log = made(seconds=60)
+    truth = log.truth
+    assert truth is not None
+    rng = np.random.default_rng(seed)
+    which = np.arange(3, 3 + count)
+    error = rng.normal(0, 1, (count, 3)) * [1.0, 2.0, 0.3]
+    P = np.tile(np.diag([1.44, 1, 4.0, 1, 0.09, 1]), (count, 1, 1)) * std**2
+    own = Estimates(
+        epoch_ns=truth.time_ns[which], position=truth.position[which] + error, covariance=P
+    )
+    return log, truth, own, error
+
+
+def test_errors_are_drawn_over_time_with_two_deviations() -> None:
+    log, truth, own, error = scattered(1)
+    raw = replace(own, position=own.position + 9.0, covariance=None)
+    tracks = {label: quality.table_of(log, it, truth) for label, it in
+              (("mine", own), ("raw", raw))}  # fmt: skip
+    panels = axes(4)
+    assert [*figures.plot_errors(log, tracks, panels)] == panels
+    epoch = (own.epoch_ns - log.start_ns) / NS
+    labels = ["Error north [m]", "Error east [m]", "Error down [m]", "Horizontal [m]"]
+    assert [ax.get_ylabel() for ax in panels] == labels
+    for i, std in enumerate((0.6, 1.0, 0.15)):
+        line = drawn(panels[i], "mine")
+        np.testing.assert_allclose(line.get_xdata(), epoch)
+        np.testing.assert_allclose(line.get_ydata(), error[:, i], atol=1e-9)
+        (band,) = panels[i].collections
+        heights = band.get_paths()[0].vertices[:, 1]
+        assert (heights.min(), heights.max()) == pytest.approx((-2 * std, 2 * std))
+        top = max(np.percentile(np.abs(error[:, i]), 99), np.median(np.abs(error[:, i] + 9)))
+        assert panels[i].get_ylim() == pytest.approx((-1.1 * top, 1.1 * top))
+    level = np.hypot(error[:, 0], error[:, 1])
+    np.testing.assert_allclose(drawn(panels[3], "mine").get_ydata(), level)
+    of_raw = np.hypot(error[:, 0] + 9, error[:, 1] + 9)
+    top = 1.1 * max(np.percentile(level, 99), np.median(of_raw))
+    assert panels[3].get_ylim() == pytest.approx((0, top))
+    title = " ".join(panels[0].get_title(loc="left").split())
+    beyond = (of_raw > top).sum()
+    assert f"outside, horizontally: raw ({beyond} of 50)" in title
+    flat = replace(log, meta=log.meta.model_copy(update={"dimension": 2}))
+    level_only = axes(3)
+    figures.plot_errors(flat, tracks, level_only)
+    assert [ax.get_ylabel() for ax in level_only] == [labels[0], labels[1], labels[3]]
+
+
+def test_errors_that_are_nowhere_known_have_axes_of_a_metre() -> None:
+    log, truth, own, _ = scattered(2)
+    late = Truth(time_ns=truth.time_ns + 900 * NS, position=truth.position)
+    panels = axes(4)
+    figures.plot_errors(log, {"mine": quality.table_of(log, own, late)}, panels)
+    assert [ax.get_ylim() for ax in panels] == [pytest.approx((-1.1, 1.1))] * 3 + [
+        pytest.approx((0, 1.1))]  # fmt: skip
+
+
+@pytest.mark.parametrize("by", ["time", "range"])
+def test_residuals_are_drawn_by_beacon(by: str) -> None:
+    log, truth, _, _ = scattered(3)
+    exact = Estimates(epoch_ns=truth.time_ns[10:50], position=truth.position[10:50])
+    heard = log.receptions
+    (ax,) = axes(1)
+    figures.plot_residuals(log, "mine", exact, by, [ax])
+    off = heard.range - np.linalg.norm(truth.position - heard.beacon_position, axis=1)
+    kept = np.arange(10, 50)
+    for i, marker in enumerate("os^D"):
+        own = kept[heard.beacon[kept] == i]
+        line = drawn(ax, f"B{i}")
+        over = (heard.epoch_ns[own] - log.start_ns) / NS if by == "time" else heard.range[own]
+        np.testing.assert_allclose(line.get_xdata(), over)
+        np.testing.assert_allclose(line.get_ydata(), off[own], atol=1e-9)
+        assert line.get_marker() == marker
+        assert (line.get_markersize(), line.get_alpha(), line.get_linestyle()) == (3.5, 0.8, "None")
+        assert line.get_markeredgewidth() == 0.9
+    colours = {drawn(ax, f"B{i}").get_color() for i in range(4)}
+    assert len(colours) == 4
+    low, high = np.percentile(off[kept], [0.5, 99.5])
+    margin = 0.15 * (high - low)
+    assert ax.get_ylim() == pytest.approx((low - margin, high + margin))
+    assert ax.get_ylabel() == "Residual [m]"
+    assert ax.get_title(loc="left").startswith("Ranges minus those of mine, by beacon")
+    if by == "range":
+        assert ax.get_xlabel() == "Range [m]"
+    one = replace(heard, range=heard.range + 5.0)
+    (above,) = axes(1)
+    figures.plot_residuals(replace(log, receptions=one), "mine", exact, by, [above])
+    low, high = 0.0, float(np.percentile(off[kept] + 5, 99.5))
+    assert above.get_ylim() == pytest.approx((-0.15 * high, 1.15 * high))
+    wild = heard.range.copy()
+    wild[[20, 30, 40]] -= [50.0, 60.0, 70.0]
+    (some,) = axes(1)
+    figures.plot_residuals(replace(log, receptions=replace(heard, range=wild)), "mine", exact, by,
+                           [some])  # fmt: skip
+    floor = np.percentile(np.r_[np.delete(off[kept], [10, 20, 30]), -50.0, -60, -70], 0.5)
+    assert some.get_ylim()[0] < floor
+
+
+def test_residuals_that_are_all_zero_or_none_have_an_axis_all_the_same() -> None:
+    log, truth, _, _ = scattered(3)
+    none = Estimates(epoch_ns=np.zeros(0, np.int64), position=np.zeros((0, 3)))
+    (ax,) = axes(1)
+    figures.plot_residuals(log, "mine", none, "time", [ax])
+    assert ax.get_ylim() == pytest.approx((-1.3, 1.3))
+    heard = log.receptions
+    exact = np.linalg.norm(truth.position - heard.beacon_position, axis=1)
+    own = Estimates(epoch_ns=truth.time_ns, position=truth.position)
+    (ax,) = axes(1)
+    zero = replace(log, receptions=replace(heard, range=exact))
+    figures.plot_residuals(zero, "mine", own, "time", [ax])
+    assert ax.get_ylim() == pytest.approx((-1e-3, 1e-3), rel=1e-3)
+
+
+def test_more_than_eight_beacons_are_said_and_not_drawn() -> None:
+    angle = np.arange(10) * 2 * np.pi / 10
+    ring = np.column_stack([50 * np.cos(angle), 50 * np.sin(angle), np.full(10, 12.0)])
+    log = made(seconds=60, beacons=ring)
+    assert log.truth is not None
+    own = Estimates(epoch_ns=log.truth.time_ns, position=log.truth.position)
+    (ax,) = axes(1)
+    figures.plot_residuals(log, "mine", own, "time", [ax])
+    labels = ax.get_legend_handles_labels()[1]
+    assert labels == [f"B{i}" for i in range(8)]
+    assert "2 beacons are not shown" in ax.get_title(loc="left")
+
+
+def test_a_map_without_truth_holds_beacons_and_most_estimates() -> None:
+    log, truth, own, _ = scattered(4)
+    far = own.position.copy()
+    far[7] += [500.0, -900.0, 0.0]
+    table = quality.table_of(log, replace(own, position=far), None)
+    (ax,) = axes(1)
+    assert figures.plot_map(log, {"mine": table}, None, ax) is ax
+    corners = np.array([[40.0, 40], [-40, 40], [-40, -40], [40, -40]])
+    beacons = drawn(ax, "beacons")
+    np.testing.assert_allclose(beacons.get_xdata(), corners[:, 1])
+    np.testing.assert_allclose(beacons.get_ydata(), corners[:, 0])
+    assert (beacons.get_marker(), beacons.get_markersize()) == ("^", 7)
+    line = drawn(ax, "mine")
+    np.testing.assert_allclose(line.get_xdata(), far[:, 1])
+    np.testing.assert_allclose(line.get_ydata(), far[:, 0])
+    low, high = (np.percentile(far[:, :2], q, axis=0) for q in (1, 99))
+    low, high = np.minimum(low, -40), np.maximum(high, 40)
+    margin = 0.06 * (high - low).max()
+    assert ax.get_ylim() == pytest.approx((low[0] - margin, high[0] + margin))
+    assert ax.get_xlim() == pytest.approx((low[1] - margin, high[1] + margin))
+    assert "outside the figure: mine (1 of 50)" in ax.get_title(loc="left")
+    (known,) = axes(1)
+    figures.plot_map(log, {"mine": table}, truth, known)
+    path = drawn(known, "truth")
+    np.testing.assert_allclose(path.get_xdata(), truth.position[:, 1])
+    np.testing.assert_allclose(path.get_ydata(), truth.position[:, 0])
+
+
+def test_the_map_of_a_diver_who_stays_at_one_beacon_is_a_metre_wide() -> None:
+    log, _, own, _ = scattered(5)
+    place = np.tile([3.0, -4.0, 5.0], (50, 1))
+    heard = replace(log.receptions, beacon_position=np.tile([3.0, -4.0, 5.0], (60, 1)))
+    table = quality.table_of(log, replace(own, position=place), None)
+    (ax,) = axes(1)
+    figures.plot_map(replace(log, receptions=heard), {"mine": table}, None, ax)
+    assert ax.get_xlim() == pytest.approx((-4.5, -3.5))
+    assert ax.get_ylim() == pytest.approx((2.5, 3.5))
