@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import base64
+import json
+import zlib
 from collections import deque
 from dataclasses import replace
 from typing import Any
@@ -17,6 +20,7 @@ from sblcosim.logs.log import Log, Receptions
 from sblcosim.models.declaration import number_of
 from sblcosim.models.receiver.variables import INITIALISATION
 from sblcosim.processing import quality
+from sblcosim.processing.dive import PreparedDive, recorded_dive
 from sblcosim.processing.knowing import longest_of, silences, that_know
 from sblcosim.processing.pages import played as page_of
 from sblcosim.processing.playing import plane_of, played, start_of
@@ -553,3 +557,70 @@ def test_a_page_shows_where_beacons_last_said_that_they_were() -> None:
     assert page.error == "horizontal"
     assert page.time_ns.tolist() == [t * NS for t in (0, 1, 2, 3, 4, 5, 10)]
     np.testing.assert_allclose(page.diver, np.outer([0, 1, 2, 3, 4, 5, 10], [2.0, 1.0, 0.5]))
+
+
+def unpacked(text: str) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Facts and tables of a packed dive, read as a page does."""
+    whole = zlib.decompress(base64.b64decode(text))
+    size = int.from_bytes(whole[:4], "little")
+    facts = json.loads(whole[4 : 4 + size])
+    at, tables = -(-(4 + size) // 8) * 8, {}
+    for name, (rows, columns) in facts["tables"].items():
+        own = np.frombuffer(whole, "<f8", rows * columns, at)
+        tables[name] = own.reshape(columns, rows).T
+        at += 8 * rows * columns
+    assert at == len(whole)
+    return facts, tables
+
+
+@pytest.mark.parametrize("pad", range(8))
+def test_a_packed_dive_is_its_facts_and_its_numbers(pad: int) -> None:
+    given = {"a": np.arange(6.0).reshape(2, 3), "b": np.full((5, 1), -0.1)}
+    dive = PreparedDive(sblcosim.load("harbour-lbl"), {"x": "y" * pad}, given)
+    facts, tables = unpacked(dive.packed(more=[1, 2]))
+    assert facts == {"x": "y" * pad, "more": [1, 2], "tables": {"a": [2, 3], "b": [5, 1]}}
+    for name, table in given.items():
+        np.testing.assert_array_equal(tables[name], table)
+
+
+def test_a_dive_for_a_page_has_what_receivers_are_given_and_the_truth() -> None:
+    log = made(seconds=40, start_s=100.0, origin=(5300.0, -2600.0, 0.0))
+    dive = recorded_dive(log, (), {"acoustics.range_std_m": 0.25})
+    ready = settled(log, None, {"acoustics.range_std_m": 0.25})
+    given = ports_of(ready)
+    facts, tables = dive.facts, dive.tables
+    assert dive.scenario.acoustics.range_std_m == 0.25
+    assert facts["command"] == {
+        "log": "made", "scenario": None, "mapping": None, "set": {"acoustics.range_std_m": "0.25"}
+    }  # fmt: skip
+    assert facts["zero_ns"] == str(101 * NS)
+    assert (facts["start_ns"], facts["interval_ns"]) == (-NS, NS)
+    assert facts["origin"] == [5000.0, -3000.0, 0.0]
+    assert facts["truth_gap_ns"] == 10 * NS
+    assert (facts["beacons"], facts["names"]) == (4, ["B0", "B1", "B2", "B3"])
+    assert (facts["log"], facts["title"], facts["rough"], facts["simulated"]) == (
+        "made", "made", True, False
+    )
+    assert not facts["plane"]
+    assert not facts["differences"]
+    longest = log.receptions.range.max()
+    assert facts["knowing"] == {
+        "longest": longest, "usual": 5.0, "silences": [[49 * NS, 2**53]]
+    }  # fmt: skip
+    told = decided(ready, True, 0.0)
+    assert facts["parameters"]["told"]["prior_position"] == [*told["prior_position"]]
+    np.testing.assert_array_equal(tables["time"][:, 0], given.time_ns)
+    for name, own in given.values.items():
+        np.testing.assert_array_equal(tables[name], own.reshape(len(own), -1))
+    heard, truth = log.receptions, log.truth
+    assert truth is not None
+    np.testing.assert_array_equal(tables["heard.epoch"][:, 0], np.arange(40) * NS)
+    np.testing.assert_array_equal(tables["heard.range"][:, 0], heard.range)
+    np.testing.assert_array_equal(tables["heard.place"], heard.beacon_position)
+    np.testing.assert_array_equal(tables["depth.epoch"][:, 0], log.depth_ns - 101 * NS)
+    np.testing.assert_array_equal(tables["truth.time"][:, 0], truth.time_ns - 101 * NS)
+    np.testing.assert_array_equal(tables["truth.position"], truth.position)
+    assert "truth.velocity" not in tables
+    assert "heard.middle" not in tables
+    bare = recorded_dive(replace(log, truth=None))
+    assert not any(name.startswith("truth") for name in bare.tables)

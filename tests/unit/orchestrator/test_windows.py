@@ -187,6 +187,32 @@ def test_a_wrong_range_needs_good_ranges_of_three_other_beacons() -> None:
     assert not fitted(np.arange(9.0), three, beacons=SQUARE[:3]).wrong.any()
 
 
+@pytest.mark.parametrize(("off", "wrong"), [(-14.0, False), (-60.0, True), (39.0, False),
+                                            (60.0, True)])  # fmt: skip
+def test_a_window_that_scatters_more_than_others_has_a_wider_limit(off: float, wrong: bool) -> None:
+    """Ranges of the others scatter by 0.1 m, so that 7 m would be wrong there."""
+    wave = 0.1 * np.random.default_rng(6).standard_normal(120)
+    wave[48:72] *= 25
+    wave[60] = off
+    found = fitted(0.5 * np.arange(120), wave, per_beacon=6)
+    assert found.scatter is not None
+    assert found.scatter < 0.2
+    assert found.wrong.tolist() == [wrong and i == 60 for i in range(120)]
+    wave[60], wave[100] = 0.0, -14.0
+    assert fitted(0.5 * np.arange(120), wave, per_beacon=6).wrong.nonzero()[0].tolist() == [100]
+
+
+def test_a_range_of_the_third_beacon_is_not_wrong_as_two_others_say_nothing() -> None:
+    beacon = np.array([0, 1, 0, 1, 2, 0, 1, 0, 1])
+    off = np.where(beacon == 2, 70.0, 0.0)
+    found = fitted(np.arange(9.0), off, beacons=SQUARE[:3], beacon=beacon)
+    assert np.nanmax(np.abs(found.residual)) > 45
+    assert not found.wrong.any()
+    four = np.array([0, 1, 0, 1, 2, 3, 1, 0, 3, 0, 3, 1])
+    told = fitted(np.arange(12.0), np.where(four == 2, 70.0, 0.0), beacon=four)
+    assert told.wrong.tolist() == (four == 2).tolist()
+
+
 @pytest.mark.parametrize(("late", "east"), [
     (4.0, 30.0), (5.2, 30.0), (5.97, -30.0), (6.5, -30.0), (20.0, -30.0)
 ])  # fmt: skip
