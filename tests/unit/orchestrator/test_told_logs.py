@@ -9,13 +9,18 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from made_logs import made
+import sblcosim
+from made_logs import made, on_a_boat
 from matplotlib.figure import Figure
 from sblcosim.data.estimates import Estimates
 from sblcosim.data.truth import Truth
 from sblcosim.processing import figures, quality
 from sblcosim.processing.align import Alignment, aligned, moved
+from sblcosim.processing.playing import played
+from sblcosim.processing.remarks import remarks
+from sblcosim.processing.settings import settled
 from sblcosim.processing.text import of_log, verdicts
+from sblcosim.scenario.sources import Choice
 
 NS = 10**9
 
@@ -65,6 +70,8 @@ ROW = {"estimates": 1234, "first_fix_s": 3.25, "longest_gap_s": 2.0, "horizontal
      "1,234 estimates, the first after 3.25 s"),
     ({"nis": 18.0, "nis_expected": 2.0, "claimed_rms_m": np.nan}, 2,
      "2.0 m RMS, 95 % within 3.6 m; its innovations are 3 times as large as it expects"),
+    ({"nis": 6.1, "nis_expected": 2.0, "claimed_rms_m": np.nan}, 2,
+     "2.0 m RMS, 95 % within 3.6 m; its innovations are 1.75 times as large as it expects"),
     ({"nis": 6.0, "nis_expected": 2.0, "claimed_rms_m": np.nan}, 2, "2.0 m RMS, 95 % within 3.6 m"),
     ({"restarts": 3, "claimed_rms_m": np.nan}, 2,
      "2.0 m RMS, 95 % within 3.6 m; restarted 3 times"),
@@ -76,6 +83,23 @@ ROW = {"estimates": 1234, "first_fix_s": 3.25, "longest_gap_s": 2.0, "horizontal
 def test_a_verdict_is_a_sentence(changes: dict[str, Any], dimension: int, words: str) -> None:
     found = told({"mine": ROW | changes, "other": ROW}, dimension=dimension)
     assert next(iter(verdicts(found))) == f"mine: {words}"
+
+
+def test_a_claim_without_a_truth_is_not_judged() -> None:
+    row = {key: ROW[key] for key in ("estimates", "first_fix_s", "claimed_rms_m")}
+    assert [*verdicts(told({"mine": row}))] == [
+        "mine: 1,234 estimates, the first after 3.25 s; claims 2.2 m horizontally"
+    ]
+
+
+def test_a_long_name_is_shortened_to_what_a_table_leaves() -> None:
+    """Five columns of 5, 4, 4, 4 and 7 characters, two apart, leave 26 of 60."""
+    found = told({"a receiver with a very long name": ROW}, truth=made(seconds=9).truth)
+    lines = of_log(found, width=60).splitlines()
+    at = lines.index("Horizontal error [m]")
+    assert [len(line) for line in lines[at + 1 : at + 3]] == [60, 60]
+    assert lines[at + 2].startswith("a receiver ")
+    assert "…" in lines[at + 2][:26]
 
 
 def residuals_of(*labels: str) -> pd.DataFrame:
@@ -135,6 +159,7 @@ def test_residuals_of_several_receivers_stand_beside_each_other() -> None:
     for width, count in ((exactly, 3), (exactly - 1, 2)):
         text = of_log(wide, width=width).splitlines()
         assert len(text[text.index("Residual [m]: offset ± std") + 1].split()) == count
+        assert sum(line.startswith("B0") for line in text) == -(-5 // count)
 
 
 @pytest.mark.parametrize(("std", "words"), [
@@ -240,6 +265,90 @@ def test_a_frame_is_that_of_least_squares_where_all_fit(count: int, fits: bool) 
         assert found[1].estimated == (False, True)
         assert found[1].turn_rad == pytest.approx(1.2, abs=1e-5)
         np.testing.assert_allclose(found[1].shift_m, by.shift_m, atol=1e-4)
+
+
+NOBODY = Choice({}, {})
+
+
+def test_where_the_settings_are_from_and_what_carries_the_beacons() -> None:
+    ready = settled(made(seconds=24))
+    given = played(ready.log, ready.interval_ns, 4)
+    assert remarks(ready, Choice({"a": "coupled", "b": "long_baseline"}, {}), given) == [
+        f"{ready.said}; fixed beacons",
+        "a: the fixed beacons count as those of a platform without motion and errors",
+    ]
+    late = replace(given, waited=1234)
+    many = replace(ready, slots=3, interval_ns=250_000_000)
+    assert remarks(many, NOBODY, late)[1:] == [
+        "1,234 ranges waited for the next update, as receivers take one of a beacon in 0.25 s",
+        "4 beacons share the 3 places of the receivers, by latest use",
+    ]
+    assert remarks(replace(ready, arrangement="buoys"), NOBODY, given)[0].endswith(
+        "; beacons that move on their own, as below buoys"
+    )
+    assert remarks(replace(ready, arrangement="platform"), NOBODY, given)[0].endswith(
+        "; beacons on one platform, whose pose the packets report"
+    )
+
+
+@pytest.mark.parametrize(("radius", "changes", "said"), [
+    (2.05, {}, True), (1.95, {}, False), (7.3, {"gps_horizontal_bias_std_m": 3.5}, True),
+    (6.9, {"gps_horizontal_bias_std_m": 3.5}, False),
+    (6.9, {"surge_amplitude_m": 2.1, "sway_amplitude_m": 2.8}, False),
+    (7.3, {"surge_amplitude_m": 2.1, "sway_amplitude_m": 2.8}, True),
+    (6.9, {"gps_horizontal_markov_std_m": 2.1, "gps_horizontal_std_m": 2.8}, False),
+    (7.3, {"gps_horizontal_markov_std_m": 2.1, "gps_horizontal_std_m": 2.8}, True),
+])  # fmt: skip
+def test_a_boat_that_is_twice_as_far_away_as_its_settings_say_is_said(
+    radius: float, changes: dict[str, float], said: bool
+) -> None:
+    nothing = dict.fromkeys((
+        "gps_horizontal_std_m", "gps_horizontal_markov_std_m", "gps_horizontal_bias_std_m",
+        "surge_amplitude_m", "sway_amplitude_m",
+    ), 0.0)  # fmt: skip
+    log = on_a_boat(seconds=40)
+    angle = np.arange(40) * np.pi / 20
+    place = radius * np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
+    log = replace(log, receptions=replace(log.receptions, platform_position=place))
+    keys = {f"platform.{key}": value for key, value in (nothing | changes).items()}
+    ready = settled(log, sblcosim.load("realistic-dive", keys))
+    lines = [it for it in remarks(ready, NOBODY, played(log, 10**9, 4)) if "platform:" in it]
+    assert lines == ([
+        f"platform: 95 % of its reported positions spread over {radius:.1f} m, but in the settings "
+        "it stays at its place, so receivers take that for errors of its GPS: set "
+        'platform.motion = "spectrum" and platform.watch_circle_m'
+    ] if said else [])  # fmt: skip
+    assert not any("platform:" in it for it in
+                   remarks(replace(ready, newest=True), NOBODY, played(log, 10**9, 4)))
+
+
+@pytest.mark.parametrize(("alike", "said"), [(3.0, False), (3.01, True)])
+def test_residuals_that_are_alike_are_said_with_their_factor(alike: float, said: bool) -> None:
+    ready = replace(settled(made(seconds=24)), alike=alike)
+    lines = remarks(ready, NOBODY, played(ready.log, 10**9, 4))[1:]
+    assert lines == [
+        "ranges: errors of a beacon are correlated in time, but receivers expect independent ones: "
+        "their claims may be too small, perhaps by a factor of 3.0"
+    ] * said
+
+
+@pytest.mark.parametrize(("count", "depth_is", "plane", "words"), [
+    (100, "sensor", False, "all 100 readings are the same, as if not measured: receivers take it "
+     "as measured, so if it is wrong, their claims are too small"),
+    (99, "sensor", False, None),
+    (40, "none", False, "not measured: receivers take it as measured, so if it is wrong, their "
+     "claims are too small"),
+    (200, "truth", False, "made of the truth, so errors are those of a device with such a depth"),
+    (200, "none", True, None),
+])  # fmt: skip
+def test_a_depth_that_was_not_measured_is_said(
+    count: int, depth_is: str, plane: bool, words: str | None
+) -> None:
+    ready = settled(made(seconds=24, plane=plane))
+    meta = ready.log.meta.model_copy(update={"depth_is": depth_is})
+    log = replace(ready.log, depth_ns=np.arange(count) * NS, depth=np.full(count, 7.0), meta=meta)
+    lines = remarks(replace(ready, log=log), NOBODY, played(log, 10**9, 4))[1:]
+    assert lines == ([] if words is None else [f"depth: {words}"])
 
 
 # --- Figures --------------------------------------------------------------------------------------
