@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import sblcosim
 from made_logs import made
+from sblcosim import process
 from sblcosim.data.estimates import Estimates
 from sblcosim.data.truth import Truth
 from sblcosim.logs.columns import KINDS
@@ -418,26 +419,35 @@ def test_errors_gaps_and_claims_of_a_receiver_by_hand() -> None:
     position = np.column_stack([time_s, 2 * time_s, np.full(4, 2.0)]) + off
     P = np.tile(np.diag([4.0, 99, 5.0, 99, 100, 99]), (4, 1, 1))
     P[:, 0, 2] = P[:, 2, 0] = 1.0
-    P[1, 4, 4] = -1.0
-    own = Estimates(epoch_ns=(time_s * NS).astype(np.int64), position=position, covariance=P)
+    claim = np.array([1.0, 4.0, 9.0, 2.0])
+    P *= claim[:, None, None]
+    P[1, 4, 4], P[3, 4, 4] = -1.0, 0.0
+    own = Estimates(
+        epoch_ns=(time_s * NS).astype(np.int64), position=position, covariance=P,
+        nis=np.array([1.0, 2.0, np.nan, 4.0]), nis_degrees=np.array([2, 3, 2, 0]),
+    )
     log = silent_log([0.5, 9.0], [0, 1])
     row = quality.row_of(log, own, truth)
     level = np.linalg.inv([[4.0, 1.0], [1.0, 5.0]])
-    each = [e[:2] @ level @ e[:2] for e in off[[0, 1, 3]]]
+    each = [off[i, :2] @ level @ off[i, :2] / claim[i] for i in (0, 1, 3)]
     made_m = np.sqrt((25 + 1 + 4) / 3)
     assert row == {
         "estimates": 4, "first_fix_s": 1.0, "longest_gap_s": 5.0, "judged": 3,
         "horizontal_rms_m": pytest.approx(made_m), "horizontal_p95_m": 5.0,
         "horizontal_max_m": 5.0, "total_rms_m": pytest.approx(np.sqrt((169 + 1 + 6.25) / 3)),
-        "total_p95_m": 13.0, "claimed_rms_m": pytest.approx(3.0),
-        "claimed_over_made": pytest.approx(3 / made_m), "nees": pytest.approx(np.mean(each)),
+        "total_p95_m": 13.0, "claimed_rms_m": pytest.approx(np.sqrt(9 * 7 / 3)),
+        "claimed_over_made": pytest.approx(np.sqrt(21) / made_m),
+        "nees": pytest.approx(np.mean(each)), "nis": 1.5, "nis_expected": 2.5,
     }  # fmt: skip
     assert quality.std_of(own)[0].tolist() == [2.0, np.sqrt(5.0), 10.0]
     assert np.isnan(quality.std_of(own)[1, 2])
+    assert quality.std_of(own)[3, 2] == 0.0
     flat = replace(log, meta=log.meta.model_copy(update={"dimension": 2}))
     assert not any("total" in name for name in quality.row_of(flat, own, truth))
     alone = quality.row_of(log, own, None)
-    assert set(alone) == {"estimates", "first_fix_s", "longest_gap_s", "claimed_rms_m"}
+    assert set(alone) == {"estimates", "first_fix_s", "longest_gap_s", "claimed_rms_m", "nis",
+                          "nis_expected"}  # fmt: skip
+    assert alone["claimed_rms_m"] == pytest.approx(np.sqrt(9 * 16 / 4))
     one = quality.row_of(log, own.chosen(np.array([2])), truth)
     assert one["judged"] == 0
     assert np.isnan(one["longest_gap_s"])
@@ -453,7 +463,7 @@ def test_errors_gaps_and_claims_of_a_receiver_by_hand() -> None:
         table[["true_x_m", "true_y_m", "true_z_m"]],
         np.where(time_s[:, None] < 9, position - off, np.nan),
     )
-    np.testing.assert_allclose(table.std_y_m, np.sqrt(5.0))
+    np.testing.assert_allclose(table.std_y_m, np.sqrt(5.0 * claim))
     np.testing.assert_allclose(table.latitude_deg, 50 + position[:, 0] / 111_229, atol=2e-6)
     np.testing.assert_allclose(table.longitude_deg, 8 + position[:, 1] / 71_696, atol=2e-6)
     assert "latitude_deg" not in quality.table_of(log, own, None)
@@ -523,6 +533,14 @@ def test_how_alike_residuals_are_by_hand() -> None:
     lags = [own[lag:] @ own[:-lag] * (1 - lag / 100) for lag in range(1, 100)]
     expected = np.sqrt(1 + 2 * sum(lags) / (own @ own))
     assert quality.resemblance(np.zeros(1000, int), slow) == pytest.approx(expected, rel=1e-9)
+
+
+def test_at_its_end_a_smoother_knows_what_a_filter_knows() -> None:
+    """It has learned a motion of its own, so that they are not quite alike."""
+    done = process(made(seconds=60), ["long_baseline"], smooth=True)
+    ends = [done.made[label].covariance[-1] for label in ("long_baseline", "smoother")]
+    of_filter, of_smoother = (P[0, 0] + P[2, 2] for P in ends)
+    assert 0.65 < of_smoother / of_filter < 1.1
 
 
 # --- A page ---------------------------------------------------------------------------------------
