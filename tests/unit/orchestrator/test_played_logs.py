@@ -642,3 +642,112 @@ def test_a_dive_for_a_page_has_what_receivers_are_given_and_the_truth() -> None:
     assert "heard.middle" not in tables
     bare = recorded_dive(replace(log, truth=None))
     assert not any(name.startswith("truth") for name in bare.tables)
+
+
+# --- The result -----------------------------------------------------------------------------------
+
+
+def nothing() -> Estimates:
+    return Estimates(epoch_ns=np.zeros(0, np.int64), position=np.zeros((0, 3)))
+
+
+def result(**more: Any) -> Processed:
+    log = made(seconds=24, start_s=7.0)
+    truth = log.truth
+    assert truth is not None
+    off, aside = np.add(truth.position, [0.3, 0.4, 1.2]), truth.position - [0.0, 0.8, 0.0]
+    own = Estimates(epoch_ns=truth.time_ns[2:20], position=off[2:20])
+    other = Estimates(epoch_ns=truth.time_ns[5:9], position=aside[5:9])
+    keys: dict[str, Any] = {
+        "log": log, "scenario": sblcosim.load("harbour-lbl"), "truth": truth,
+        "made": {"none": nothing(), "mine": own, "other": other, "raw": nothing()},
+        "restarts": {"mine": 3}, "failures": {"bad": "bad: it is broken"},
+        "origins": {"mine": {"type": "ekf"}}, "interval_ns": 250_000_000,
+        "said": ["first"], "doubts": ["second"], "asked": {"smooth": False},
+    }
+    return Processed(**(keys | more))
+
+
+def test_a_result_says_what_failed_and_what_gave_nothing() -> None:
+    done = result()
+    assert done.main == "mine"
+    assert done.problems == [
+        "bad: it is broken", "none: must give at least one estimate, got none"
+    ]  # fmt: skip
+    rows = done.receivers
+    assert [*rows.index] == ["none", "mine", "other", "raw", "bad"]
+    assert rows.estimates.tolist() == [0, 18, 4, 0, 0]
+    assert rows.restarts["mine"] == 3
+    assert rows.restarts.isna().sum() == 4
+    assert rows.failure["bad"] == "bad: it is broken"
+    assert rows.horizontal_rms_m["mine"] == pytest.approx(0.5)
+    assert rows.total_rms_m["mine"] == pytest.approx(1.3)
+    assert rows.horizontal_rms_m["other"] == pytest.approx(0.8)
+    assert repr(done) == "<Processed of made: none, mine, other, raw>"
+    assert done.has_residuals
+    assert done.remarks == ["first"]
+    assert result(made={"raw": nothing()}).main == ""
+    assert not result(made={"raw": nothing()}).has_residuals
+
+
+def test_a_result_as_plain_data() -> None:
+    done = result()
+    found = done.to_json()
+    plain = ("log", "dimension", "beacons", "ranges", "duration_s", "has_truth", "remarks",
+             "doubts")  # fmt: skip
+    assert [found[name] for name in plain] == [
+        "made", 3, ["B0", "B1", "B2", "B3"], 24, 23.0, True, ["first"], ["second"]
+    ]  # fmt: skip
+    assert set(found["residuals"]) == {"mine", "other"}
+    assert set(found["residuals"]["mine"]) == {"B0", "B1", "B2", "B3", "depth"}
+    assert found["residuals"]["mine"]["depth"]["offset_m"] == pytest.approx(-1.2, abs=0.1)
+    apart = found["agreement"]["mine"]["other"]
+    assert apart["horizontal_rms_m"] == pytest.approx(np.hypot(0.3, 1.2))
+    assert apart["n"] == 4
+    assert found["receivers"]["bad"]["failure"] == "bad: it is broken"
+    assert not result(truth=None).to_json()["has_truth"]
+    told = done.manifest()
+    assert (told["processed"], told["interval_s"], told["asked"]) == ("made", 0.25,
+                                                                      {"smooth": False})
+    assert told["receivers"][1] == {"label": "mine", "type": "ekf"}
+    assert told["log_sha256"] == done.log.sha256()
+    assert "target" not in told["scenario"]
+    assert "platform" in told["scenario"]
+    assert set(done.tables) == {"estimates", "receivers", "residuals", "agreement"}
+    table = done.tables["estimates"]
+    assert table.columns[0] == "receiver"
+    assert table.receiver.tolist() == ["mine"] * 18 + ["other"] * 4
+    assert table.epoch_s.tolist()[:2] == [2.0, 3.0]
+    assert result(made={}).estimates.columns.tolist() == ["receiver"]
+
+
+def test_what_is_along_axes_of_its_own_is_apart() -> None:
+    """A device's positions are forward and starboard; those of receivers are north and east."""
+    plain = result()
+    log = plain.log
+    frame = log.meta.frame.model_copy(update={"own_axes": ("usbl",)})
+    own = plain.made["other"]
+    turned = replace(log, fixes={"usbl": own}, meta=log.meta.model_copy(update={"frame": frame}))
+    done = result(log=turned, made={"mine": plain.made["mine"], "usbl": own})
+    assert [*done.along(True)] == ["usbl"]
+    assert [*done.along(False)] == ["mine"]
+    assert done.remarks[-1] == (
+        "usbl (forward, starboard) and mine (north, east) are not compared, and not on one map: "
+        "their axes differ"
+    )
+    assert not done.truth_axes
+    assert done.on_map(False)[2] is done.truth
+    assert done.on_map(True)[2] is None
+    assert "error_x_m" in done.tracks["mine"]
+    assert "error_x_m" not in done.tracks["usbl"]
+    assert not len(done.agreement)
+    assert [path.name for path in done.paths] == ["truth", "mine"]
+    assert {job.name for job in done.figures} == {
+        "map", "map_own_axes", "errors", "residuals_by_time", "residuals_by_range"
+    }  # fmt: skip
+    alone = result(log=turned, made={"usbl": own})
+    assert not alone.has_residuals
+    assert [path.name for path in alone.paths] == ["truth", "usbl"]
+    assert {job.name for job in alone.figures} == {"map_own_axes", "errors"}
+    assert alone.remarks == ["first"]
+    assert [path.name for path in result(truth=None).paths] == ["none", "mine", "other", "raw"]
