@@ -415,7 +415,44 @@ def test_a_run_that_begins_later_has_the_same_limits() -> None:
     (one,), (other,) = now.left_out.values(), later.left_out.values()
     np.testing.assert_allclose(other, one, rtol=1e-9)
     assert one[-1] > 3 * one[5] > 0
+    t = now.epoch_ns / NS
+    there = np.column_stack([15 * np.cos(t / 30), 15 * np.sin(t / 30), 5 + 0 * t])
+    (expected,) = unknown.squares(given, there, t).values()
+    np.testing.assert_allclose(one, expected, rtol=1e-4)
+    held = np.floor(t)
+    off = there[:, :2] - np.column_stack([np.sin(held / 9), np.cos(held / 7)])
+    reach = np.linalg.norm(off, axis=1)
+    across = np.column_stack([-off[:, 1], off[:, 0]]) / reach[:, None]
+    std = np.sqrt(np.einsum("ni,nij,nj->n", across, now.relative[:, :2, :2], across))
+    np.testing.assert_allclose(now.bearing_std, std / reach, rtol=1e-5)
     assert now.acceleration_psd == pytest.approx(later.acceleration_psd, rel=1e-9)
+
+
+def test_ranges_that_may_be_echoes_tell_less_of_a_run() -> None:
+    record = a_run()
+    arms = np.array([[3.0, 0, 0.5], [0, 3, 0.5], [-3, 0, 0.5], [0, -3, 0.5]])
+    beacons = record.values["platform.position"][:, None] + arms
+    record = replace(record, values={**record.values, "platform.beacon_position": beacons})
+    keys = {**ECHOING, "acoustics.water_depth_m": 8.0, "acoustics.loss_probability": 0.6}
+    silent = {"acoustics.surface_echo_probability": 0.0, "acoustics.bottom_echo_probability": 0.0}
+    echoing, plain = (
+        limits.reference(record, load(DIVE, it), acceleration_psd=0.003)
+        for it in (keys, keys | silent)
+    )
+    sizes = [np.trace(it.absolute[-1]) for it in (echoing, plain)]
+    assert sizes[0] > 1.02 * sizes[1]
+
+
+def test_only_a_motion_that_is_drawn_from_the_model_has_a_bound_and_its_own_density() -> None:
+    drawn = load({"target": {"trajectory": "white_noise_acceleration",
+                             "acceleration_psd_m2_s3": 0.005}, "time": {"duration_s": 20.0}})
+    found = limits.reference(a_run(), drawn)
+    assert (found.is_bound, found.acceleration_psd) == (True, 0.005)
+    told = limits.reference(a_run(), drawn, acceleration_psd=0.01)
+    assert (told.is_bound, told.acceleration_psd) == (False, 0.01)
+    np.testing.assert_allclose(
+        limits.reference(a_run(), drawn, acceleration_psd=0.005).absolute, found.absolute
+    )
 
 
 def test_the_events_of_a_run_are_its_packets_and_readings() -> None:

@@ -366,7 +366,7 @@ def drawn(ax: Any, label: str) -> Any:
 
 def scattered(seed: int, count: int = 50, std: float = 0.5) -> Any:
     """A log of 60 s, its truth, and estimates with errors and claims."""
-    log = made(seconds=60)
+    log = made(seconds=60, start_s=500.0)
     truth = log.truth
     assert truth is not None
     rng = np.random.default_rng(seed)
@@ -403,6 +403,8 @@ def test_errors_are_drawn_over_time_with_two_deviations() -> None:
     of_raw = np.hypot(error[:, 0] + 9, error[:, 1] + 9)
     top = 1.1 * max(np.percentile(level, 99), np.median(of_raw))
     assert panels[3].get_ylim() == pytest.approx((0, top))
+    for ax in panels:
+        assert -1.2 < ax.get_xlim()[0] <= 0 < 59 <= ax.get_xlim()[1] < 60.2
     title = " ".join(panels[0].get_title(loc="left").split())
     beyond = (of_raw > top).sum()
     assert f"outside, horizontally: raw ({beyond} of 50)" in title
@@ -446,8 +448,15 @@ def test_residuals_are_drawn_by_beacon(by: str) -> None:
     assert ax.get_ylim() == pytest.approx((low - margin, high + margin))
     assert ax.get_ylabel() == "Residual [m]"
     assert ax.get_title(loc="left").startswith("Ranges minus those of mine, by beacon")
+    (zero,) = (it for it in ax.lines if [*it.get_ydata()] == [0, 0])
+    assert (zero.get_linestyle(), zero.get_linewidth()) == ("-", 0.8)
     if by == "range":
         assert ax.get_xlabel() == "Range [m]"
+        ends = heard.range[kept].min(), heard.range[kept].max()
+        margin = 0.02 * (ends[1] - ends[0])
+        assert ax.get_xlim() == pytest.approx((ends[0] - margin, ends[1] + margin))
+    else:
+        assert -1.2 < ax.get_xlim()[0] <= 0 < 59 <= ax.get_xlim()[1] < 60.2
     one = replace(heard, range=heard.range + 5.0)
     (above,) = axes(1)
     figures.plot_residuals(replace(log, receptions=one), "mine", exact, by, [above])
@@ -516,6 +525,25 @@ def test_a_map_without_truth_holds_beacons_and_most_estimates() -> None:
     path = drawn(known, "truth")
     np.testing.assert_allclose(path.get_xdata(), truth.position[:, 1])
     np.testing.assert_allclose(path.get_ydata(), truth.position[:, 0])
+
+
+def test_many_receivers_have_maps_of_their_own_with_common_axes() -> None:
+    log, truth, own, _ = scattered(6)
+    tracks = {
+        f"r{i}": quality.table_of(log, replace(own, position=own.position + i), truth)
+        for i in range(5)
+    }
+    first = figures.plot_map(log, tracks, truth)
+    panels = [ax for ax in first.figure.axes if ax.lines][:5]
+    assert panels[0] is first
+    assert [ax.get_title(loc="left").split(";")[0] for ax in panels[1:]] == ["r1", "r2", "r3", "r4"]
+    for ax, table in zip(panels, tracks.values(), strict=True):
+        lines = [it for it in ax.lines if len(it.get_xdata()) == 50]
+        assert len(lines) == 1
+        np.testing.assert_allclose(lines[0].get_xdata(), table["y_m"])
+        np.testing.assert_allclose(lines[0].get_ydata(), table["x_m"])
+        assert ax.get_xlim() == first.get_xlim()
+        assert ax.get_ylim() == first.get_ylim()
 
 
 def test_the_map_of_a_diver_who_stays_at_one_beacon_is_a_metre_wide() -> None:
