@@ -112,6 +112,8 @@ def test_a_cubic_is_followed_between_instants_that_are_not_alike() -> None:
             state_at(time_ns, position, velocity, np.array([round(outside * NS)]))
     truth = Truth(time_ns=time_ns, position=position, velocity=velocity)
     np.testing.assert_array_equal(truth.state_at(time_ns[1:2])[0], position[1:2])
+    for one, other in zip(truth.state_at((asked * NS).astype(np.int64)), found, strict=True):
+        np.testing.assert_array_equal(one, other)
     straight = Truth(time_ns=time_ns, position=position)
     at, speed = straight.state_at(np.array([3 * NS]))
     np.testing.assert_allclose(at[0], position[1] + (position[2] - position[1]) / 3)

@@ -463,6 +463,9 @@ def test_the_events_of_a_run_are_its_packets_and_readings() -> None:
     assert numbers == [[0], [1], [], [2], [3], [], [], [1], [], [2]]
     assert depth.tolist() == [0, 0, 1, 0, 0, 1, 0, 0, 1, 0]
     assert heard.max() == 1
+    at_once = {**record.values, "target.depth_epoch": np.array([4.0, 4.5, 4.5, 6, 7, 7, 7, 7])}
+    epoch, _, depth = run.events_of(replace(record, values=at_once), None)
+    assert (epoch[depth > 0] / NS).tolist() == [4.5, 6.0, 7.0]
 
 
 def test_the_density_of_a_run_is_that_of_its_path_and_noise() -> None:
@@ -592,6 +595,17 @@ def test_a_wrong_mounting_and_a_random_one_add() -> None:
         move, *_ = np.linalg.lstsq(u[:, :2], (u * shift).sum(axis=1), rcond=None)
         random = (0.2 * hdop(place, beacons).horizontal) ** 2
         assert found[i] == pytest.approx(move @ move + random)
+
+
+def test_answers_that_are_late_are_half_as_far() -> None:
+    given = load("paper-scenario-1", {
+        "acoustics.ranging": "two_way", "acoustics.turnaround_beacon_std_s": 2e-3,
+        "platform.mean_heading_deg": 50.0,
+    })  # fmt: skip
+    (found,) = unknown.squares(given, PLACES, np.zeros(3)).values()
+    each = 2e-3 * given.acoustics.assumed_sound_speed_m_s / 2
+    expected = (each * hdop(PLACES, still_beacons(given)).horizontal) ** 2
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
 MOUNTED = {"platform.mounting_error_m": [[0.3, 0, 0], [0, 0.3, 0], [-0.3, 0.1, 0], [0, 0, 0.1]],

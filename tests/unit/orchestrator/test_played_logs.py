@@ -194,6 +194,7 @@ def test_a_log_without_ranges_has_the_depths_alone() -> None:
     given = played(log, NS, 4)
     assert given.values["range"].shape == (len(given.time_ns), 4)
     assert not given.values["range"].any()
+    assert given.values["ping_beacon_position"].shape == (len(given.time_ns), 4, 3)
     assert given.values["depth"][-1] == log.depth[-1]
     assert plane_of(log) == 0.0
 
