@@ -198,7 +198,7 @@ def test_of_packets_those_are_lost_that_come_neither_directly_nor_by_an_echo() -
     both = load(DIVE, {**ECHOING, "acoustics.ranging": "two_way"}).acoustics
     np.testing.assert_allclose(echoes.lost_in(both, np.array([0.0, 0.25])), 1 - (1 - left) ** 2)
     assert echoes.lost(a) == pytest.approx(0.3 * 0.4 * 0.55)
-    never = load(DIVE, {"acoustics.loss_probability": 0.0}).acoustics
+    never = load(DIVE, ECHOING | {"acoustics.loss_probability": 0.0}).acoustics
     assert echoes.echo_chances(never) == (0.0, 0.0)
     assert echoes.lost(never) == 0.0
 
