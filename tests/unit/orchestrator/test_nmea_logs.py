@@ -156,12 +156,15 @@ def test_without_fixes_of_devices_gga_and_rmc_are_the_track(tmp_path: Path) -> N
     ]
 
 
-@pytest.mark.parametrize("clock", ["1200.5", "12000", "1200009", "12:00:00", "250000", ""])
+@pytest.mark.parametrize("clock", [
+    "1200.5", "12000", "12000.5", "1200009", "12:00:00", "250000", "120003.1234567890", "",
+])
 def test_a_time_of_another_form_is_not_guessed(tmp_path: Path, clock: str) -> None:
     ssb = ("C", "N", "M", "1", "0", "2", "1", "N", "", "")
     log = _read(tmp_path, *_ship(), _ssb(*ssb), _ssb(*ssb, clock=clock))
     assert log.fixes["B01"].epoch_ns.tolist() == [NOON + 2 * 10**9]
-    assert [it.line for it in log.findings] == [5]
+    what = "fields that cannot be read" if clock else "a time that has a position already"
+    assert [(it.line, it.what) for it in log.findings] == [(5, what)]
 
 
 def test_times_go_on_after_midnight(tmp_path: Path) -> None:
@@ -385,6 +388,15 @@ def test_what_came_before_the_first_date_is_of_the_days_before_it(tmp_path: Path
         log.fixes["B01"].position, [(-3, 7, 2), (23, -2, 2), (23, -2, 2), (23, -7, 2)], atol=0.004
     )
     assert not any("midnight" in it for it in log.remarks)
+
+
+def test_a_date_without_a_time_moves_the_times_before_it(tmp_path: Path) -> None:
+    fix = sentence("USRTH,1,70,-25,24,2,130,-25,0")
+    log = _read(tmp_path, _ssb("C", "N", "M", "1", "2", "3", "1", "N", "", ""),
+                sentence("GPZDA,,01,05,2024,00,00"), fix)
+    assert {name: it.epoch_ns.tolist() for name, it in log.fixes.items()} == {
+        "B01": [NOON + 2 * S], "USRTH": [NOON + 2 * S],
+    }
 
 
 def test_a_date_without_its_parts_is_none(tmp_path: Path) -> None:
