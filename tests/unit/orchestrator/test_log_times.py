@@ -28,9 +28,10 @@ S = 10**9
     lambda it: [*map(str, it)], lambda it: pd.Series([*map(str, it)], dtype=object),
 ])  # fmt: skip
 def test_times_are_nearer_to_zero_than_146_years(make: Any) -> None:
-    given = [LATEST - 1, LATEST, 1 - LATEST, -LATEST, 0, -7]
+    given = [LATEST - 1, LATEST, 1 - LATEST, -LATEST, 0, -2, 2]
     assert LATEST == 4_611_686_018_427_387_904
-    assert whole(make(given)).tolist() == [LATEST - 1, MISSING, 1 - LATEST, MISSING, 0, -7]
+    assert whole(make(given)).tolist() == [LATEST - 1, MISSING, 1 - LATEST, MISSING, 0, -2, 2]
+    assert MISSING < -LATEST
     assert whole(make(given)).dtype == np.int64
 
 

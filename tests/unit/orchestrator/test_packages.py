@@ -1217,6 +1217,106 @@ def test_a_package_is_drawn_as_a_picture(stranger2: Path, tmp_path: Path) -> Non
         assert -width / 4 <= float(number) <= max(width, height)  # within the texts of connectors
 
 
+def crowded(folder: Path, fmu: Path) -> Path:
+    """As `nested`, with two rows of connectors and two ways back."""
+    deep = inner(
+        "s", component("b"),
+        link(".i", "b.u[1]") + link(".longer_name", "b.gain") + link("b.y[1,1]", ".o")
+        + link("b.steps", ".further"),
+        connectors("i input m", "longer_name parameter", "o output m", "further output"),
+    )  # fmt: skip
+    links = link("a.now", "s.i") + link("s.o", "a.u[1]") + link("s.further", "a.n")
+    links += link(".x", "a.u[2]")
+    return package(folder, fmu, component("a") + deep, links, connectors("x input km"))
+
+
+def test_boxes_ways_and_texts_of_a_picture_are_where_they_belong(
+    stranger2: Path, tmp_path: Path
+) -> None:
+    """By hand: a letter is 6.2 wide, a row 17 high; a head has 40, and a frame 12 around its texts.
+
+    Columns are 64 apart, and ways back 9. The note of an FMU, 23 letters, makes its box 142.6 + 24
+    wide. Columns are centred.
+    """
+    with opened(crowded(tmp_path, stranger2)) as found:
+        root = ElementTree.fromstring(svg(found, resolve(found.system)))
+    space = "{http://www.w3.org/2000/svg}"
+    assert (root.get("width"), root.get("height"), root.get("viewBox")) == (
+        "914", "293", "0 0 914 293"
+    )
+    boxes, places, inside = {}, {}, {}
+    for group in root.iter(f"{space}g"):
+        frame = group.find(f"{space}rect")
+        if frame is None:
+            continue
+        name = str(group.findtext(f"{space}text"))
+        boxes[name] = (group.get("transform"), frame.get("class"), frame.get("width"),
+                       frame.get("height"))  # fmt: skip
+        places[name] = [tuple(map(float, (e.get("x", ""), e.get("y", ""))))
+                        for e in group.findall(f"{space}text")]  # fmt: skip
+        inside[name] = [e.get("transform") for e in group.findall(f"{space}g")]
+    assert boxes == {
+        "x": ("translate(8.0 8.0)", "system", "898.0", "226.0"),
+        "a": ("translate(64.0 26.0)", "part", "166.6", "86.0"),
+        "s": ("translate(294.6 0.0)", "system", "454.2", "138.0"),
+        "b": ("translate(64.0 0.0)", "part", "166.6", "86.0"),
+    }
+    assert inside["x"] == ["translate(61.2 40.0)"]  # beside the six letters of x [km]
+    assert inside["s"] == ["translate(92.2 40.0)"]
+    assert places["a"] == [(12, 17), (12, 32), (7, 52.5), (7, 69.5), (159.6, 52.5)]
+    assert places["s"] == [(12, 17), (7, 52.5), (7, 69.5), (447.2, 52.5), (447.2, 69.5)]
+    assert {
+        way.findtext(f"{space}title"): (way.get("class"), way.get("d"))
+        for way in root.iter(f"{space}path")
+    } == {
+        "a.now → s.i: × 1000":
+            ("c1", "M230.6 74.5H230.6C262.6 74.5 262.6 48.5 294.6 48.5"),
+        "x → a.u: × 1000": ("c0", "M-12.0 8.5H0.0C32.0 8.5 32.0 74.5 64.0 74.5"),
+        "s.o → a.u": ("c2", "M748.8 48.5H756.8V169.5H56.0V74.5H64.0"),
+        "s.further → a.n": ("c2", "M748.8 65.5H761.8V160.5H51.0V91.5H64.0"),
+        "s.i → s.b.u": ("c2", "M-49.2 8.5H0.0C32.0 8.5 32.0 48.5 64.0 48.5"),
+        "s.longer_name → s.b.gain": ("c2", "M-12.0 25.5H0.0C32.0 25.5 32.0 65.5 64.0 65.5"),
+        "s.b.y → s.o": ("c3", "M230.6 48.5H230.6C265.6 48.5 265.6 8.5 300.6 8.5H319.0"),
+        "s.b.steps → s.further":
+            ("c3", "M230.6 65.5H230.6C265.6 65.5 265.6 25.5 300.6 25.5H306.6"),
+    }  # fmt: skip
+    assert [e.get("y") for e in root.findall(f"{space}text")] == ["251.0", "268.0", "285.0"]
+    assert [e.get("stroke-dasharray") for e in root.iter(f"{space}path")].count("6 3") == 2
+
+
+def test_names_of_elements_make_their_boxes_wide(stranger2: Path, tmp_path: Path) -> None:
+    """Titles are a seventh larger than other texts, and are cut at 36 letters."""
+    for letters, shown in ((20, 20), (30, 30), (36, 36), (40, 36)):
+        width = max(142.6, shown * 6.2 * 1.15) + 24
+        path = package(tmp_path, stranger2, component("n" * letters))
+        with opened(path) as found:
+            text = svg(found, resolve(found.system))
+        assert f'<rect class="part" width="{width:.1f}" height="52.0"' in text
+        assert (f">{'n' * 36}</text>" in text) == (letters == 36)
+        assert ("n" * 35 + "…<title>" + "n" * 40 in text) == (letters == 40)
+
+
+def test_six_connections_that_change_values_are_on_the_first_screen(
+    stranger2: Path, tmp_path: Path
+) -> None:
+    """Those of the elements of an array count as one there, and as two above."""
+    for boxes, more in (("bcdefg", ""), ("bcdefghi", "and 2 more that change values")):
+        links = "".join(link("a.now", f"{box}.u[{i}]") for box in boxes for i in (1, 2))
+        path = package(tmp_path, stranger2, "".join(map(component, "a" + boxes)), links)
+        said = CliRunner().invoke(app, ["plan", str(path)]).stdout
+        lines = said.splitlines()
+        assert lines[0] == (
+            f"x: {len(boxes) + 1} components, {2 * len(boxes)} connections"
+        )
+        assert [line for line in lines if "× 1000" in line] == [
+            f"a.now (2)  km    {box}.u  m     × 1000" for box in boxes[:6]
+        ]
+        assert [line for line in lines if "more that" in line] == ([more] if more else [])
+        whole = CliRunner().invoke(app, ["plan", str(path), "--verbose"]).stdout
+        assert whole.count("a.now (2)") == len(boxes)
+        assert "more that" not in whole
+
+
 def test_a_picture_explains_its_marks_and_keeps_long_names(
     stranger2: Path, tmp_path: Path
 ) -> None:
