@@ -6,33 +6,21 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import pytest
+from made_logs import PLACES, checked
 from sblcosim.data.estimates import Estimates
 from sblcosim.data.record import Record
 from sblcosim.data.samples import OWN
 from sblcosim.data.truth import Truth
 from sblcosim.errors import ConfigurationError
 from sblcosim.logs import simulated
-from sblcosim.logs.checks import log_of
 from sblcosim.logs.columns import KINDS
 from sblcosim.logs.log import Log, told
 from sblcosim.logs.meta import Meta
-from sblcosim.logs.raw import Flaw, Raw
+from sblcosim.logs.raw import Flaw
 from sblcosim.tracks.place import Origin
 
 S = 10**9
-PLACES = {"A": [1.0, 2.0, 3.0], "B": [40.0, -5.0, 6.0], "C": [-7.0, 80.0, 9.0]}
-
-
-def checked(meta: dict[str, Any] | None = None, **tables: dict[str, Any]) -> Log:
-    """The log of some tables; lines count from 2."""
-    raw = Raw("log", {"beacons": PLACES, **(meta or {})})
-    for name, columns in tables.items():
-        raw.tables[name] = pd.DataFrame(columns)
-        raw.tables[name]["line"] = np.arange(len(raw.tables[name])) + 2
-        raw.files[name] = f"{name}.csv"
-    return log_of(raw)
 
 
 def found(log: Log) -> list[tuple[int, str]]:
