@@ -895,6 +895,92 @@ def test_a_whole_number_is_mapped_and_not_transformed(
         settings(path)
 
 
+def test_two_parameters_that_a_set_lacks_are_named_without_a_guess(
+    stranger2: Path, tmp_path: Path
+) -> None:
+    entries = "".join(f'<ssm:MappingEntry source="{name}" target="{to}"/>'
+                      for name, to in (("pp", "gain"), ("q", "n"), ("pp", "offset[1]")))
+    whole = f"<ssm:ParameterMapping {SSM}>{entries}</ssm:ParameterMapping>"
+    mapping = f"<ssd:ParameterMapping>{whole}</ssd:ParameterMapping></ssd:ParameterBinding>"
+    given = values(("p", "Real", 'value="1"')).replace("</ssd:ParameterBinding>", mapping)
+    path = package(tmp_path, stranger2, component("a", bound(given)))
+    with pytest.warns(ConfigurationWarning) as caught:
+        assert settings(path) == {}
+    assert [str(it.message).partition("ParameterMapping")[2] for it in caught] == [
+        " has no effect for parameters that the set lacks: 'pp', 'q'"
+    ]
+
+
+def test_words_of_values_fit_their_types(stranger2: Path, tmp_path: Path) -> None:
+    for word, on in (("true", True), ("1", True), ("false", False), ("0", False)):
+        own = bound(values(("on", "Boolean", f'value="{word}"'), ("n", "Integer", 'value="-3"')))
+        assert settings(package(tmp_path, stranger2, component("a", own))) == {
+            "a.on": (on,), "a.n": (-3,),
+        }
+    for name, kind, word, must in (("on", "Boolean", "True", "true or false"),
+                                   ("n", "Integer", "1.5", "a whole number"),
+                                   ("gain", "Real", "x", "a number")):
+        own = bound(values((name, kind, f'value="{word}"')))
+        with pytest.raises(ConfigurationError) as caught:
+            settings(package(tmp_path, stranger2, component("a", own)))
+        assert str(caught.value).endswith(f"x.ssp: a.{name}: must be {must}, got '{word}'")
+
+
+def test_units_that_change_nothing_need_no_unit_of_the_variable(
+    stranger2: Path, tmp_path: Path
+) -> None:
+    more = UNITS.replace("</ssd:Units>", (
+        '<ssc:Unit name="one"><ssc:BaseUnit/></ssc:Unit><ssc:Unit name="percent"><ssc:BaseUnit '
+        'factor="0.01"/></ssc:Unit><ssc:Unit name="off"><ssc:BaseUnit offset="1"/></ssc:Unit>'
+        "</ssd:Units>")) + EXPERIMENT  # fmt: skip
+    for unit, told in (("one", False), ("percent", True), ("off", True), ("m", True)):
+        own = bound(values(("gain", "Real", f'value="2" unit="{unit}"')))
+        path = package(tmp_path, stranger2, component("a", own), after=more)
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            assert settings(path) == {"a.gain": (2.0,)}
+        assert [str(it.message) for it in caught] == told * [
+            f"{path}: a.gain: its value is given in {unit} and taken as it is, as neither the "
+            "connector nor the variable has a unit"
+        ]
+
+
+def test_a_unit_that_only_the_variable_knows_is_its_own(stranger2: Path, tmp_path: Path) -> None:
+    own = bound(values(("offset[1]", "Real", 'value="2" unit="m"')))
+    path = package(tmp_path, stranger2, component("a", own), after=EXPERIMENT)
+    assert settings(path)["a.offset"][0] == 2.0
+    own = bound(values(("offset[1]", "Real", 'value="2" unit="M"')))
+    path = package(tmp_path, stranger2, component("a", own), after=EXPERIMENT)
+    with pytest.raises(ConfigurationError, match=r"a: parameter 'offset\[1\]': must have a unit tha"
+                       r"t is defined, got 'M'$"):
+        settings(path)
+
+
+def test_a_unit_in_brackets_is_read_without_them_and_said_once(
+    stranger2: Path, tmp_path: Path
+) -> None:
+    own = bound(values(*((f"offset[{i}]", "Real", f'value="{i}" unit="[km]"') for i in (1, 2))))
+    path = package(tmp_path, stranger2, component("a", own))
+    assert settings(path) == {"a.offset": (1000.0, 2000.0)}
+    with opened(path) as found:
+        said = [it for it in found.remarks if "read as" in it]
+    assert said == ["Component 'a': the unit '[km]' is read as 'km'"]
+
+
+def test_several_values_may_leave_a_package_at_one_connector(
+    stranger2: Path, tmp_path: Path
+) -> None:
+    links = link("a.now", ".x") + link("b.now", ".x") + link("a.now", "b.u[1]", more=(
+        'suppressUnitConversion="1"'))  # fmt: skip
+    path = package(tmp_path, stranger2, TWO, links, connectors("x output"))
+    assert conversions(path) == {"b.u[1]": ("a.now", ())}
+    with pytest.raises(ConfigurationError) as caught:
+        settings(package(tmp_path, stranger2, TWO, links + link("a.y[1,1]", "b.u[1]")))
+    assert str(caught.value).endswith(
+        "connection a.y[1,1] -> b.u[1]: an input must have one source, got a.now as well"
+    )
+
+
 def test_connectors_that_lead_nowhere_are_said_to(stranger2: Path, tmp_path: Path) -> None:
     system = connectors("x input") + bound(values(("x", "Real", 'value="1"')))
     path = package(tmp_path, stranger2, component("a"), system=system)
