@@ -89,6 +89,20 @@ def test_arrivals_are_from_epochs_and_a_given_epoch_stays() -> None:
     assert (heard.arrival_ns - heard.epoch_ns).tolist() == [S // 100, S // 50 + S // 8, 0, 70]
 
 
+def test_a_numbered_ping_of_the_diver_is_at_the_mean_of_its_arrivals() -> None:
+    """Rounded to the nearest nanosecond; without a number, each range is at its own arrival."""
+    log = checked(receptions={
+        "arrival_ns": [1000, 1003, 1600, 1601, 9000, 9100, 9101], "beacon": list("ABCABCA"),
+        "range_m": [15.0] * 7, "ping": [1, 1, 1, "", 2, 2, 1], "epoch_ns": [*[""] * 5, "9050", ""],
+        "kind": ["inverted", "difference", "inverted", "inverted", "inverted", "inverted",
+                 "one-way"],
+    })  # fmt: skip
+    assert log.receptions.arrival_ns.tolist() == [1000, 1003, 1600, 1601, 9000, 9100, 9101]
+    assert log.receptions.epoch_ns.tolist() == [
+        1201, 1201, 1201, 1601, 9000, 9050, 9101 - 10_000_000,
+    ]
+
+
 def test_marks_words_and_cells_of_ranges() -> None:
     log = checked(receptions={
         "arrival_ns": [str(k * S) for k in range(1, 11)],
@@ -311,6 +325,9 @@ def test_positions_of_devices_are_told_apart() -> None:
     assert std["gps"] is not None
     assert std["gps"].tolist() == [[0.2] * 3, [0.7] * 3]
     assert (log.start_ns, log.stop_ns) == (S, 4 * S)
+    bad = {"time_ns": [S, 2 * S], "device": ["bad", "gps"], "n_m": ["x", 2.0], "e_m": [1.0] * 2,
+           "d_m": [1.0] * 2}  # fmt: skip
+    assert [*checked(fixes=bad).fixes] == ["gps"]
     plain = checked(fixes={"time_ns": [S, S], "n_m": [1.0, 2.0], "e_m": [1.0] * 2, "d_m": [0] * 2})
     assert found(plain) == [(3, "a time that has a position already")]
     assert plain.fixes["device"].position.tolist() == [[1, 1, 0]]

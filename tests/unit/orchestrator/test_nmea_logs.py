@@ -537,6 +537,14 @@ def test_names_of_devices(tmp_path: Path) -> None:
     ]
 
 
+def test_sentences_are_looked_for_in_two_hundred_lines(tmp_path: Path) -> None:
+    log = _read(tmp_path, *["x"] * 150, *[""] * 49, _gga("120001.00"))
+    assert [it.line for it in log.findings] == [*range(1, 151)]
+    assert len(log.fixes["GGA"]) == 1
+    with pytest.raises(ConfigurationError, match="or NMEA sentences, got one that begins with 'x'"):
+        _read(tmp_path, *["x"] * 200, _gga("120001.00"))
+
+
 def test_the_five_most_frequent_sentences_that_are_not_used_are_named(tmp_path: Path) -> None:
     names = ["GPVTG", "GPXYZ", "GPGSA", "GPGLL", "GPGST", "GPABC"]
     lines = [sentence(f"{name},1,2") for k, name in enumerate(names) for _ in range(7 - k)]

@@ -1203,6 +1203,22 @@ def test_the_record_says_how_many_instants(stranger2: Path, tmp_path: Path) -> N
     assert result.text().startswith("x: 1001 instants, 0 to 1 s: a\n")
 
 
+def test_a_record_without_receivers_is_told_by_its_last_values(
+    stranger2: Path, tmp_path: Path
+) -> None:
+    own = bound(values(("gain", "Real", 'value="0.7"'), ("u[1]", "Real", 'value="1.1"'),
+                       ("u[2]", "Real", 'value="-3"')))  # fmt: skip
+    result = sblcosim.run(package(tmp_path, stranger2, component("a", own)))
+    head, *rows = [re.split(r"\s{2,}", line.strip()) for line in result.text().splitlines()
+                   if line.startswith(("output", "a."))]  # fmt: skip
+    assert head == ["output", "at 1 s"]
+    assert {name: value for name, value in rows if name.startswith("a.y")} == {
+        "a.y[1,1]": "0.77", "a.y[1,2]": "1.1", "a.y[2,1]": "-2.1", "a.y[2,2]": "-3",
+    }
+    assert [name for name, _ in rows] == [*result.record.to_frame()][1:]
+    assert result.answer == "x: 1001 instants, 0 to 1 s: a"
+
+
 @pytest.mark.parametrize("command", ["plan", "run"])
 def test_a_run_that_is_too_long_names_the_package(
     command: str, stranger2: Path, tmp_path: Path

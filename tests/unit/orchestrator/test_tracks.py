@@ -214,6 +214,33 @@ def test_what_is_wrong_is_named_with_line_and_column(tmp_path: Path, case: str) 
     assert "\n" not in line
 
 
+@pytest.mark.parametrize(("text", "said"), [
+    (table("time_s,north_m,longitude_deg,down_m", "0,1,2,3"),
+     "line 1, column 3: must be one of north_m, east_m, down_m, as the first of them says, got "
+     "'longitude_deg'; did you mean 'east_m'?"),
+    (table("depth_m,east_m,north_m,time_s", "0,1,2,3"),
+     "line 1, column 2: must be one of latitude_deg, longitude_deg, depth_m, as the first of them "
+     "says, got 'east_m'; did you mean 'longitude_deg'?"),
+    (table(NED, "0,1,2,3", "1,2,3,4,5,6,7,8,9"),
+     "line 3, column 5: must have as many columns as the names, 4, got 9"),
+    (table(NED, "0,1,2,3", "1,2,x,4,5"),
+     "line 3, column 5: must have as many columns as the names, 4, got 5"),
+    (table("time,time_s,north_m,east_m,down_m", "1,2,3,4,5"),
+     "line 1, column 2: must be either time_s or time, got both"),
+    (table("north_m,time,east_m,time_s,down_m", "1,2,3,4,5"),
+     "line 1, column 4: must be either time_s or time, got both"),
+    (table("#,1;2", "", "time_s;north_m;east_m;down_m", "#0;1", "0;1;2;x", "1;1;2;3"),
+     "line 5, column 4 (down_m): must be a number from -100000 to 100000, got 'x'"),
+    (table(NED, "0,1,2,3", "", "# 1,2", " #,1,2,3", "1,1,2,-x", "2,1,2,3"),
+     "line 6, column 4 (down_m): must be a number from -100000 to 100000, got '-x'"),
+])  # fmt: skip
+def test_messages_about_a_table_in_full(tmp_path: Path, text: str, said: str) -> None:
+    file = written(tmp_path, text)
+    with pytest.raises(ConfigurationError) as error:
+        read(file)
+    assert str(error.value) == f"{file}, {said}"
+
+
 @pytest.mark.parametrize("names", [NED, GEO])
 @pytest.mark.parametrize("lacking", range(4))
 def test_a_column_that_is_missing_is_named(tmp_path: Path, names: str, lacking: int) -> None:
@@ -463,6 +490,33 @@ def test_a_corner_is_cut_no_farther_than_the_tolerance() -> None:
     kept = fitted(times, points, 0.05)
     assert kept.added == 4
     assert largest(kept, times, points) <= 0.05
+
+
+def test_points_beside_a_corner_are_as_near_as_the_tolerance_asks() -> None:
+    """A leg's motion strays by 0.2 of its chord: 0.05 / (0.2 · 50) of 100 s, and so on."""
+    times, points = np.array([0.0, 100, 160, 200]), np.array(
+        [[0, 0, 5], [50, 0, 5], [50, 0, 5], [50, 30, 5.0]]
+    )
+    kept = fitted(times, points, 0.05)
+    beside = 0.05 / (0.2 * 30) * 40
+    np.testing.assert_allclose(
+        kept.times, [0, 0.5, 99.5, 100, 160, 160 + beside, 200 - beside, 200], rtol=1e-12
+    )
+    np.testing.assert_allclose(kept.points[1:3], [[0.25, 0, 5], [49.75, 0, 5]], rtol=1e-12)
+    assert (kept.recorded, kept.added) == (4, 4)
+    assert len(fitted(times, points, 0.05, most=8).times) == 8
+    with pytest.raises(TooFewError, match=r"as 7 points are to do for the 4 .*, got 0\.05"):
+        fitted(times, points, 0.05, most=7)
+
+
+@pytest.mark.parametrize("tolerance", [0.05, 0.3])
+def test_the_bound_of_the_distance_is_close_to_it(tolerance: float) -> None:
+    times, points = dive(400)
+    kept = fitted(times, points, tolerance)
+    far = largest(kept, times, points)
+    assert far - 1e-12 <= kept.deviation <= 1.05 * far
+    assert kept.deviation <= tolerance
+    assert kept.added == int((~np.isin(kept.times, times)).sum())
 
 
 def test_of_a_straight_line_little_is_kept() -> None:
