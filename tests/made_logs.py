@@ -18,7 +18,19 @@ from sblcosim.logs.raw import Raw
 from sblcosim.logs.read import read_log
 from sblcosim.processing.processed import Processed
 
+PLACES = {"A": [1.0, 2.0, 3.0], "B": [40.0, -5.0, 6.0], "C": [-7.0, 80.0, 9.0]}
+"""Beacons of a log of a few lines."""
 CORNERS = np.array([[40.0, 40, 14], [-40, 40, 12], [-40, -40, 13], [40, -40, 15]])
+
+
+def checked(meta: dict[str, Any] | None = None, **tables: dict[str, Any]) -> Log:
+    """The log of some tables; lines count from 2."""
+    raw = Raw("log", {"beacons": PLACES, **(meta or {})})
+    for name, columns in tables.items():
+        raw.tables[name] = pd.DataFrame(columns)
+        raw.tables[name]["line"] = np.arange(len(raw.tables[name])) + 2
+        raw.files[name] = f"{name}.csv"
+    return log_of(raw)
 
 
 def written(folder: Path, scenario: str, receivers: Any, **keys: Any) -> tuple[Any, Path]:
@@ -112,4 +124,4 @@ def changed(log: Log, which: Any, by: Any) -> Log:
     return replace(log, receptions=replace(log.receptions, range=ranges))
 
 
-__all__ = ["CORNERS", "changed", "made", "on_a_boat", "read_log", "written"]
+__all__ = ["CORNERS", "PLACES", "changed", "checked", "made", "on_a_boat", "read_log", "written"]

@@ -245,6 +245,41 @@ def test_a_log_without_anything_that_can_be_used_is_refused(tmp_path: Path) -> N
                            "fixes.csv": "time_ns,n_m,e_m,d_m\n"})
 
 
+def test_the_first_three_reasons_are_told_of_a_log_without_anything(tmp_path: Path) -> None:
+    rows = ["1,B0,-2", ",B0,2", "3,,2", "4,B9,2"]
+    with pytest.raises(ConfigurationError) as caught:
+        _read(tmp_path, **{"receptions.csv": "\n".join(["arrival_ns,beacon,range_m", *rows]),
+                           "fixes.csv": "time_ns,n_m,e_m,d_m\n"})
+    assert str(caught.value) == (
+        f"{tmp_path}: must hold ranges of beacons with positions, or positions, got none; "
+        "receptions.csv: 1 line left out: no range from 0 m to 1,000 km (line 2); receptions.csv: "
+        "1 line left out: no time (line 3); receptions.csv: 1 line left out: no beacon (line 4); "
+        "positions are columns (reported_n_m, …) or stand in [beacons] of meta.toml"
+    )
+
+
+def test_five_keys_without_a_meaning_are_named_and_the_first_wrong_value(tmp_path: Path) -> None:
+    meta = log_samples.own()["meta.toml"]
+    odd = "".join(f"odd{i} = {i}\n" for i in range(6))
+    log = _read(tmp_path, **{"meta.toml": f"{odd}{meta}height = 3\n"})
+    assert log.remarks == (
+        f"{tmp_path / 'meta.toml'}: keys without a meaning in a log are not used: odd0, odd1, "
+        "odd2, odd3, odd4 and 2 more",
+    )
+    wrong = meta.replace("dimension = 3", 'dimension = 4\ndepth_is = "sonar"\nname = 3')
+    with pytest.raises(ConfigurationError) as caught:
+        _read(tmp_path, **{"meta.toml": wrong})
+    assert str(caught.value).startswith(f"{tmp_path / 'meta.toml'}: ")
+    assert str(caught.value).endswith(" (and 2 more)")
+    clock = f'{meta}[clock]\ntruth = "guess"\n'
+    assert _read(tmp_path, **{"meta.toml": clock}).remarks == (
+        f"{tmp_path / 'meta.toml'}: clock.truth = 'guess': its offset is estimated",
+    )
+    sure = _read(tmp_path, **{"meta.toml": clock.replace("guess", "estimate")})
+    assert sure.remarks == ()
+    assert sure.own_clock
+
+
 def test_a_table_in_two_formats_is_read_from_parquet(tmp_path: Path) -> None:
     import pandas as pd
 
@@ -312,6 +347,7 @@ def test_what_is_above_the_water_in_a_log_is_told(tmp_path: Path) -> None:
     ("time_s,depth_ft", "got 'time_s', 'depth_ft'; a mapping says the unit of a column such as "
      "'depth_ft'"),
     ("time_s,altitude", "got 'time_s', 'altitude'"),
+    ("time_ns,altitude", "got 'time_ns', 'altitude'"),
 ])  # fmt: skip
 def test_a_column_that_is_lacking_is_not_one_in_another_unit(
     tmp_path: Path, columns: str, said: str

@@ -185,6 +185,135 @@ def test_latitudes_give_an_origin_that_is_said(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.parametrize(("unit", "metres"), [
+    ("m", 1.0), ("km", 1000.0), ("cm", 0.01), ("mm", 0.001), ("ft", 0.3048),
+])
+def test_lengths_of_all_tables_have_the_unit_of_their_key(
+    tmp_path: Path, unit: str, metres: float
+) -> None:
+    """Depths come before heights, which count from the height of the origin."""
+    log = _log(
+        tmp_path,
+        "[origin]\nlatitude_deg = 36.5\nlongitude_deg = -4.5\nheight_m = 40.0\n"
+        f'[mapping.depth]\nfile = "d.csv"\ndepth_{unit} = "deep"\n'
+        f'[mapping.fixes]\nfile = "f.csv"\nheight_{unit} = "high"\ndepth_{unit} = "deep"\n'
+        f'std_{unit} = "std"\n'
+        f'[mapping.truth]\nfile = "t.csv"\nn_{unit} = "a"\ne_{unit} = "b"\nd_{unit} = "c"\n',
+        d="time_s,deep\n1,2.5\n2,3\n",
+        f="time_s,latitude_deg,longitude_deg,high,deep,std\n"
+          "1,36.5,-4.5,8,4,0.5\n2,36.5,-4.5,8,,0.5\n3,36.5,-4.5,,,0.5\n",
+        t="time_s,a,b,c\n1,4,5,6\n2,7,8,9\n",
+    )  # fmt: skip
+    assert log.depth.tolist() == pytest.approx([2.5 * metres, 3 * metres])
+    fixes = log.fixes["f"]
+    np.testing.assert_allclose(
+        fixes.position, [(0, 0, 4 * metres), (0, 0, 40 - 8 * metres), (0, 0, 0)], atol=1e-6
+    )
+    assert fixes.position_std is not None
+    np.testing.assert_allclose(fixes.position_std, np.full((3, 3), 0.5 * metres))
+    assert log.truth is not None
+    np.testing.assert_allclose(
+        log.truth.position, np.array([(4, 5, 6), (7, 8, 9)]) * metres, rtol=1e-12
+    )
+    assert not log.findings
+
+
+def test_angles_may_be_in_degrees(tmp_path: Path) -> None:
+    keys = "".join(f'platform_{axis}_m = "{axis}"\n' for axis in "ned")
+    keys += "".join(f'platform_{it}_deg = "{it}"\n' for it in ("roll", "pitch", "yaw"))
+    log = _log(
+        tmp_path,
+        f'[arms_m]\nA = [2, 0, 1]\n[mapping.receptions]\nfile = "r.csv"\n{keys}',
+        r="time_s,beacon,range_m,n,e,d,roll,pitch,yaw\n1,A,3,10,20,0,0,0,90\n"
+          "2,A,4,10,20,0,180,0,0\n3,A,5,10,20,0,0,-30,0\n",
+    )  # fmt: skip
+    np.testing.assert_allclose(
+        np.degrees(log.receptions.platform_attitude), [(0, 0, 90), (180, 0, 0), (0, -30, 0)]
+    )
+    c, s = np.cos(np.radians(30)), 0.5
+    np.testing.assert_allclose(
+        log.receptions.beacon_position,
+        [(10, 22, 1), (12, 20, -1), (10 + 2 * c - s, 20, 2 * s + c)], atol=1e-12,
+    )
+
+
+def test_a_wide_table_has_the_unit_of_its_key_and_says_what_is_read_again(tmp_path: Path) -> None:
+    log = _log(
+        tmp_path,
+        '[beacons]\nA = [0, 0, 0]\nB = [1, 0, 0]\n[mapping.receptions]\nfile = "r.csv"\n'
+        'time_ms = "t"\nrange_ft = { B = "b", A = "a" }\nno_data = -99\nrepeats = true\n',
+        r="t,a,b\n1000,10,100\n2000,10,110\n3000,-99,110\n4000,20,-99\n5000,20,120\n",
+    )
+    feet = 0.3048
+    heard = log.receptions
+    assert [(int(t) // 10**9, log.beacons[b], round(float(r / feet), 9)) for t, b, r in
+            zip(heard.arrival_ns, heard.beacon, heard.range, strict=True)] == [
+        (1, "B", 100), (1, "A", 10), (2, "B", 110), (4, "A", 20), (5, "B", 120),
+    ]  # fmt: skip
+    assert log.remarks[0] == "r.csv: 3 of 10 values (30 %) only repeat the one before"
+
+
+def test_what_stands_for_nothing_at_the_beginning_is_said(tmp_path: Path) -> None:
+    mapping = '[mapping.fixes]\nfile = "f.csv"\nposition = ["x", "y", "z"]\nno_data = [0, -1]\n'
+    rows = ["1,0,0,0", "2,0,0,0", "3,-1,-1,-1", "4,0,0,5", "5,0,-1,0", "6,0,0,0"]
+    log = _log(tmp_path, mapping, f="\n".join(["time_s,x,y,z", *rows]))
+    assert log.fixes["f"].position.tolist() == [[0, 0, 5], [0, -1, 0]]
+    assert log.remarks == (
+        "f.csv: 0 or -1 stands for no data, 4 times, 3 of them at the beginning",
+    )
+    assert [(it.line, it.what) for it in log.findings] == [
+        (line, "no data (0 or -1)") for line in (2, 3, 4, 7)
+    ]
+    log = _log(tmp_path, mapping, f="\n".join(["time_s,x,y,z", *rows[3:]]))
+    assert log.remarks == ("f.csv: 0 or -1 stands for no data, 1 time",)
+
+
+def test_several_files_of_a_kind_are_one_table(tmp_path: Path) -> None:
+    log = _log(
+        tmp_path,
+        '[[mapping.fixes]]\nfile = "one.csv"\ndevice_name = "gps"\n'
+        'position = ["n", "e"]\n[[mapping.fixes]]\nfile = "two.csv"\nposition = ["e", "n", "d"]\n',
+        one="time_s,n,e\n1,5,6\n2,7,8\n", two="time_s,n,e,d\n1,5,6,7\n",
+    )
+    assert {name: it.position.tolist() for name, it in log.fixes.items()} == {
+        "gps": [[5, 6, 0], [7, 8, 0]], "two": [[6, 5, 7]],
+    }
+
+
+@pytest.mark.parametrize(("line", "said"), [
+    ("turn_deg = 360", ""), ("turn_deg = -360.0", ""), ("turn_deg = 360.5", "turn_deg: must be a "
+     "number from -360 to 360, got 360.5"), ("turn_deg = true", "turn_deg: must be a number from"),
+    ("shift_m = [1e8, -1e8]", ""), ("shift_m = [1e8, 1.1e8]", "shift_m: must be a number from "
+     "-100,000,000 to 100,000,000, got 110000000.0"), ("shift_m = [1]", "shift_m: must be two or"),
+    ("shift_m = [1, 2, 3, 4]", "shift_m: must be two or three numbers, got [1, 2, 3, 4]"),
+    ("turn_deg = nan", "turn_deg: must be a number from"),
+])  # fmt: skip
+def test_numbers_of_a_mapping_have_limits(tmp_path: Path, line: str, said: str) -> None:
+    mapping = f'[beacons]\nA = [0, 0, 0]\n[mapping]\n{line}\n[mapping.receptions]\n' \
+        'file = "r.csv"\n'
+    if not said:
+        assert len(_log(tmp_path, mapping, r="time_s,beacon,range_m\n1,A,3\n").receptions) == 1
+        return
+    with pytest.raises(ConfigurationError) as caught:
+        _log(tmp_path, mapping, r="time_s,beacon,range_m\n1,A,3\n")
+    assert f"map.toml: mapping.{said}" in str(caught.value)
+
+
+def test_places_of_beacons_and_reports_are_in_the_axes_of_the_mapping(tmp_path: Path) -> None:
+    """West of a grid that is turned by 30°, with its origin elsewhere; beacons of the log stay."""
+    log = _log(
+        tmp_path,
+        '[beacons]\nC = [7, 8, 9]\n[mapping]\naxes = "nwu"\nturn_deg = 30\n'
+        "shift_m = [100, 200, 3]\n[mapping.beacons]\nA = [104, 198, 1]\nC = [0, 0, 0]\n"
+        '[mapping.receptions]\nfile = "r.csv"\nreported = ["x", "y"]\n',
+        r="time_s,beacon,range_m,x,y\n1,A,3,,\n2,B,3,106,207\n3,C,3,,\n",
+    )
+    c, s = np.cos(np.radians(30)), 0.5
+    a, b = (4.0, 2.0, 2.0), (6.0, -7.0, 3.0)  # north, east, down of the grid
+    expected = [(n * c - e * s, n * s + e * c, d) for n, e, d in (a, b)]
+    np.testing.assert_allclose(log.receptions.beacon_position, [*expected, (7, 8, 9)], atol=1e-9)
+
+
 def test_repeats_and_values_for_nothing_are_told_apart(tmp_path: Path) -> None:
     log = _log(
         tmp_path,

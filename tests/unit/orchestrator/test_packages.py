@@ -895,6 +895,92 @@ def test_a_whole_number_is_mapped_and_not_transformed(
         settings(path)
 
 
+def test_two_parameters_that_a_set_lacks_are_named_without_a_guess(
+    stranger2: Path, tmp_path: Path
+) -> None:
+    entries = "".join(f'<ssm:MappingEntry source="{name}" target="{to}"/>'
+                      for name, to in (("pp", "gain"), ("q", "n"), ("pp", "offset[1]")))
+    whole = f"<ssm:ParameterMapping {SSM}>{entries}</ssm:ParameterMapping>"
+    mapping = f"<ssd:ParameterMapping>{whole}</ssd:ParameterMapping></ssd:ParameterBinding>"
+    given = values(("p", "Real", 'value="1"')).replace("</ssd:ParameterBinding>", mapping)
+    path = package(tmp_path, stranger2, component("a", bound(given)))
+    with pytest.warns(ConfigurationWarning) as caught:
+        assert settings(path) == {}
+    assert [str(it.message).partition("ParameterMapping")[2] for it in caught] == [
+        " has no effect for parameters that the set lacks: 'pp', 'q'"
+    ]
+
+
+def test_words_of_values_fit_their_types(stranger2: Path, tmp_path: Path) -> None:
+    for word, on in (("true", True), ("1", True), ("false", False), ("0", False)):
+        own = bound(values(("on", "Boolean", f'value="{word}"'), ("n", "Integer", 'value="-3"')))
+        assert settings(package(tmp_path, stranger2, component("a", own))) == {
+            "a.on": (on,), "a.n": (-3,),
+        }
+    for name, kind, word, must in (("on", "Boolean", "True", "true or false"),
+                                   ("n", "Integer", "1.5", "a whole number"),
+                                   ("gain", "Real", "x", "a number")):
+        own = bound(values((name, kind, f'value="{word}"')))
+        with pytest.raises(ConfigurationError) as caught:
+            settings(package(tmp_path, stranger2, component("a", own)))
+        assert str(caught.value).endswith(f"x.ssp: a.{name}: must be {must}, got '{word}'")
+
+
+def test_units_that_change_nothing_need_no_unit_of_the_variable(
+    stranger2: Path, tmp_path: Path
+) -> None:
+    more = UNITS.replace("</ssd:Units>", (
+        '<ssc:Unit name="one"><ssc:BaseUnit/></ssc:Unit><ssc:Unit name="percent"><ssc:BaseUnit '
+        'factor="0.01"/></ssc:Unit><ssc:Unit name="off"><ssc:BaseUnit offset="1"/></ssc:Unit>'
+        "</ssd:Units>")) + EXPERIMENT  # fmt: skip
+    for unit, told in (("one", False), ("percent", True), ("off", True), ("m", True)):
+        own = bound(values(("gain", "Real", f'value="2" unit="{unit}"')))
+        path = package(tmp_path, stranger2, component("a", own), after=more)
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            assert settings(path) == {"a.gain": (2.0,)}
+        assert [str(it.message) for it in caught] == told * [
+            f"{path}: a.gain: its value is given in {unit} and taken as it is, as neither the "
+            "connector nor the variable has a unit"
+        ]
+
+
+def test_a_unit_that_only_the_variable_knows_is_its_own(stranger2: Path, tmp_path: Path) -> None:
+    own = bound(values(("offset[1]", "Real", 'value="2" unit="m"')))
+    path = package(tmp_path, stranger2, component("a", own), after=EXPERIMENT)
+    assert settings(path)["a.offset"][0] == 2.0
+    own = bound(values(("offset[1]", "Real", 'value="2" unit="M"')))
+    path = package(tmp_path, stranger2, component("a", own), after=EXPERIMENT)
+    with pytest.raises(ConfigurationError, match=r"a: parameter 'offset\[1\]': must have a unit tha"
+                       r"t is defined, got 'M'$"):
+        settings(path)
+
+
+def test_a_unit_in_brackets_is_read_without_them_and_said_once(
+    stranger2: Path, tmp_path: Path
+) -> None:
+    own = bound(values(*((f"offset[{i}]", "Real", f'value="{i}" unit="[km]"') for i in (1, 2))))
+    path = package(tmp_path, stranger2, component("a", own))
+    assert settings(path) == {"a.offset": (1000.0, 2000.0)}
+    with opened(path) as found:
+        said = [it for it in found.remarks if "read as" in it]
+    assert said == ["Component 'a': the unit '[km]' is read as 'km'"]
+
+
+def test_several_values_may_leave_a_package_at_one_connector(
+    stranger2: Path, tmp_path: Path
+) -> None:
+    links = link("a.now", ".x") + link("b.now", ".x") + link("a.now", "b.u[1]", more=(
+        'suppressUnitConversion="1"'))  # fmt: skip
+    path = package(tmp_path, stranger2, TWO, links, connectors("x output"))
+    assert conversions(path) == {"b.u[1]": ("a.now", ())}
+    with pytest.raises(ConfigurationError) as caught:
+        settings(package(tmp_path, stranger2, TWO, links + link("a.y[1,1]", "b.u[1]")))
+    assert str(caught.value).endswith(
+        "connection a.y[1,1] -> b.u[1]: an input must have one source, got a.now as well"
+    )
+
+
 def test_connectors_that_lead_nowhere_are_said_to(stranger2: Path, tmp_path: Path) -> None:
     system = connectors("x input") + bound(values(("x", "Real", 'value="1"')))
     path = package(tmp_path, stranger2, component("a"), system=system)
@@ -1117,6 +1203,22 @@ def test_the_record_says_how_many_instants(stranger2: Path, tmp_path: Path) -> N
     assert result.text().startswith("x: 1001 instants, 0 to 1 s: a\n")
 
 
+def test_a_record_without_receivers_is_told_by_its_last_values(
+    stranger2: Path, tmp_path: Path
+) -> None:
+    own = bound(values(("gain", "Real", 'value="0.7"'), ("u[1]", "Real", 'value="1.1"'),
+                       ("u[2]", "Real", 'value="-3"')))  # fmt: skip
+    result = sblcosim.run(package(tmp_path, stranger2, component("a", own)))
+    head, *rows = [re.split(r"\s{2,}", line.strip()) for line in result.text().splitlines()
+                   if line.startswith(("output", "a."))]  # fmt: skip
+    assert head == ["output", "at 1 s"]
+    assert {name: value for name, value in rows if name.startswith("a.y")} == {
+        "a.y[1,1]": "0.77", "a.y[1,2]": "1.1", "a.y[2,1]": "-2.1", "a.y[2,2]": "-3",
+    }
+    assert [name for name, _ in rows] == [*result.record.to_frame()][1:]
+    assert result.answer == "x: 1001 instants, 0 to 1 s: a"
+
+
 @pytest.mark.parametrize("command", ["plan", "run"])
 def test_a_run_that_is_too_long_names_the_package(
     command: str, stranger2: Path, tmp_path: Path
@@ -1215,6 +1317,106 @@ def test_a_package_is_drawn_as_a_picture(stranger2: Path, tmp_path: Path) -> Non
     assert len(numbers) > 2 * len(said[1:])  # a connection has two ends at least
     for number in numbers:
         assert -width / 4 <= float(number) <= max(width, height)  # within the texts of connectors
+
+
+def crowded(folder: Path, fmu: Path) -> Path:
+    """As `nested`, with two rows of connectors and two ways back."""
+    deep = inner(
+        "s", component("b"),
+        link(".i", "b.u[1]") + link(".longer_name", "b.gain") + link("b.y[1,1]", ".o")
+        + link("b.steps", ".further"),
+        connectors("i input m", "longer_name parameter", "o output m", "further output"),
+    )  # fmt: skip
+    links = link("a.now", "s.i") + link("s.o", "a.u[1]") + link("s.further", "a.n")
+    links += link(".x", "a.u[2]")
+    return package(folder, fmu, component("a") + deep, links, connectors("x input km"))
+
+
+def test_boxes_ways_and_texts_of_a_picture_are_where_they_belong(
+    stranger2: Path, tmp_path: Path
+) -> None:
+    """By hand: a letter is 6.2 wide, a row 17 high; a head has 40, and a frame 12 around its texts.
+
+    Columns are 64 apart, and ways back 9. The note of an FMU, 23 letters, makes its box 142.6 + 24
+    wide. Columns are centred.
+    """
+    with opened(crowded(tmp_path, stranger2)) as found:
+        root = ElementTree.fromstring(svg(found, resolve(found.system)))
+    space = "{http://www.w3.org/2000/svg}"
+    assert (root.get("width"), root.get("height"), root.get("viewBox")) == (
+        "914", "293", "0 0 914 293"
+    )
+    boxes, places, inside = {}, {}, {}
+    for group in root.iter(f"{space}g"):
+        frame = group.find(f"{space}rect")
+        if frame is None:
+            continue
+        name = str(group.findtext(f"{space}text"))
+        boxes[name] = (group.get("transform"), frame.get("class"), frame.get("width"),
+                       frame.get("height"))  # fmt: skip
+        places[name] = [tuple(map(float, (e.get("x", ""), e.get("y", ""))))
+                        for e in group.findall(f"{space}text")]  # fmt: skip
+        inside[name] = [e.get("transform") for e in group.findall(f"{space}g")]
+    assert boxes == {
+        "x": ("translate(8.0 8.0)", "system", "898.0", "226.0"),
+        "a": ("translate(64.0 26.0)", "part", "166.6", "86.0"),
+        "s": ("translate(294.6 0.0)", "system", "454.2", "138.0"),
+        "b": ("translate(64.0 0.0)", "part", "166.6", "86.0"),
+    }
+    assert inside["x"] == ["translate(61.2 40.0)"]  # beside the six letters of x [km]
+    assert inside["s"] == ["translate(92.2 40.0)"]
+    assert places["a"] == [(12, 17), (12, 32), (7, 52.5), (7, 69.5), (159.6, 52.5)]
+    assert places["s"] == [(12, 17), (7, 52.5), (7, 69.5), (447.2, 52.5), (447.2, 69.5)]
+    assert {
+        way.findtext(f"{space}title"): (way.get("class"), way.get("d"))
+        for way in root.iter(f"{space}path")
+    } == {
+        "a.now → s.i: × 1000":
+            ("c1", "M230.6 74.5H230.6C262.6 74.5 262.6 48.5 294.6 48.5"),
+        "x → a.u: × 1000": ("c0", "M-12.0 8.5H0.0C32.0 8.5 32.0 74.5 64.0 74.5"),
+        "s.o → a.u": ("c2", "M748.8 48.5H756.8V169.5H56.0V74.5H64.0"),
+        "s.further → a.n": ("c2", "M748.8 65.5H761.8V160.5H51.0V91.5H64.0"),
+        "s.i → s.b.u": ("c2", "M-49.2 8.5H0.0C32.0 8.5 32.0 48.5 64.0 48.5"),
+        "s.longer_name → s.b.gain": ("c2", "M-12.0 25.5H0.0C32.0 25.5 32.0 65.5 64.0 65.5"),
+        "s.b.y → s.o": ("c3", "M230.6 48.5H230.6C265.6 48.5 265.6 8.5 300.6 8.5H319.0"),
+        "s.b.steps → s.further":
+            ("c3", "M230.6 65.5H230.6C265.6 65.5 265.6 25.5 300.6 25.5H306.6"),
+    }  # fmt: skip
+    assert [e.get("y") for e in root.findall(f"{space}text")] == ["251.0", "268.0", "285.0"]
+    assert [e.get("stroke-dasharray") for e in root.iter(f"{space}path")].count("6 3") == 2
+
+
+def test_names_of_elements_make_their_boxes_wide(stranger2: Path, tmp_path: Path) -> None:
+    """Titles are a seventh larger than other texts, and are cut at 36 letters."""
+    for letters, shown in ((20, 20), (30, 30), (36, 36), (40, 36)):
+        width = max(142.6, shown * 6.2 * 1.15) + 24
+        path = package(tmp_path, stranger2, component("n" * letters))
+        with opened(path) as found:
+            text = svg(found, resolve(found.system))
+        assert f'<rect class="part" width="{width:.1f}" height="52.0"' in text
+        assert (f">{'n' * 36}</text>" in text) == (letters == 36)
+        assert ("n" * 35 + "…<title>" + "n" * 40 in text) == (letters == 40)
+
+
+def test_six_connections_that_change_values_are_on_the_first_screen(
+    stranger2: Path, tmp_path: Path
+) -> None:
+    """Those of the elements of an array count as one there, and as two above."""
+    for boxes, more in (("bcdefg", ""), ("bcdefghi", "and 2 more that change values")):
+        links = "".join(link("a.now", f"{box}.u[{i}]") for box in boxes for i in (1, 2))
+        path = package(tmp_path, stranger2, "".join(map(component, "a" + boxes)), links)
+        said = CliRunner().invoke(app, ["plan", str(path)]).stdout
+        lines = said.splitlines()
+        assert lines[0] == (
+            f"x: {len(boxes) + 1} components, {2 * len(boxes)} connections"
+        )
+        assert [line for line in lines if "× 1000" in line] == [
+            f"a.now (2)  km    {box}.u  m     × 1000" for box in boxes[:6]
+        ]
+        assert [line for line in lines if "more that" in line] == ([more] if more else [])
+        whole = CliRunner().invoke(app, ["plan", str(path), "--verbose"]).stdout
+        assert whole.count("a.now (2)") == len(boxes)
+        assert "more that" not in whole
 
 
 def test_a_picture_explains_its_marks_and_keeps_long_names(

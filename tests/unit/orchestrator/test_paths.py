@@ -343,6 +343,72 @@ def test_a_start_that_a_file_cannot_have_is_refused(
         written(tmp_path, wandering(3), start=start)
 
 
+@pytest.mark.parametrize(("start", "fits"), [
+    (datetime(1970, 1, 1, tzinfo=UTC), True), (datetime(2199, 12, 31, tzinfo=UTC), True),
+    (datetime(2200, 1, 1, tzinfo=UTC), False), (datetime(1969, 12, 31, tzinfo=UTC), False),
+])
+def test_a_start_is_from_1970_to_2199(start: datetime, fits: bool, tmp_path: Path) -> None:
+    path = wandering(3)
+    if fits:
+        written(tmp_path, path, start=start, trajectories="tum")
+        stamp = (tmp_path / "path-ekf.tum").read_text().splitlines()[1].split()[0]
+        first = round((start - EPOCH).total_seconds()) * 10**9 + int(path.time_ns[0])
+        assert int(stamp.replace(".", "")) == first
+        return
+    with pytest.raises(ConfigurationError) as caught:
+        written(tmp_path, path, start=start)
+    assert str(caught.value) == (
+        f"start: must have a time zone and a year from 1970 to 2199, got {start}"
+    )
+    assert not [*tmp_path.iterdir()]
+
+
+def test_the_last_stamp_of_ros_is_of_2038(tmp_path: Path) -> None:
+    """Its seconds have 32 bits; the last is the end of the second before."""
+    start = datetime(2038, 1, 19, 3, 14, 7, tzinfo=UTC)
+    assert round((start - EPOCH).total_seconds()) == 2**31 - 1
+    last = DiverPath(name="ekf", time_ns=np.array([-5, 0]), position=np.ones((2, 3)))
+    written(tmp_path, last, start=start, trajectories="mcap")
+    stamps = [stamp_of(message) for _, message in messages(tmp_path)["/ekf/odometry"]]
+    assert stamps == [(2**31 - 1) * 10**9 - 5, (2**31 - 1) * 10**9]
+    later = DiverPath(name="ekf", time_ns=np.array([0, 1]), position=np.ones((2, 3)))
+    with pytest.raises(ConfigurationError, match=r"2038-01-19, .*, got 2147483647 s after 1970"):
+        written(tmp_path, later, start=start, trajectories="mcap")
+
+
+def test_times_before_1970_are_logged_at_its_start(tmp_path: Path) -> None:
+    """Times of a log have no sign; stamps have one."""
+    path = path_of(np.arange(6.0).reshape(2, 3), [-1.25, 2.0])
+    written(tmp_path, path, trajectories="mcap")
+    found = messages(tmp_path)["/ekf/odometry"]
+    assert [logged for logged, _ in found] == [0, 2_000_000_000]
+    assert [stamp_of(message) for _, message in found] == [-1_250_000_000, 2_000_000_000]
+
+
+def test_names_that_would_be_the_same_are_numbered() -> None:
+    assert safe(["a b", "A/b", "a_b", "a_b_2", "2nd", "é", "潜", ""]) == [
+        "a_b", "A_b_2", "a_b_3", "a_b_2_2", "path_2nd", "e", "path", "path_2",
+    ]
+    assert safe(["x" * 79 + "-y", "x" * 81, "x" * 80]) == [
+        "x" * 79, "x" * 80, "x" * 80 + "_2",
+    ]
+
+
+def test_lines_of_fixes_are_thin(tmp_path: Path) -> None:
+    """Their icons have the colours of the lines, and are small."""
+    paths = [path_of(np.ones((2, 3)), name=name, kind=name) for name in ("truth", "fix", "filter")]
+    written(tmp_path, *paths)
+    text = (tmp_path / "path.kml").read_text("utf-8")
+    assert re.findall(r"<width>(\d+)</width>", text) == ["3", "1", "3"]
+    assert re.findall(r"<scale>([\d.]+)</scale>", text) == ["0.6"] * 3
+    colours = re.findall(r"<color>(\w+)</color>", text)
+    assert colours[::2] == colours[1::2]
+    assert len({*colours}) == 3
+    assert re.findall(r'<Style id="([^"]+)"', text) == ["path-1", "path-2", "path-3"]
+    assert re.findall(r"<styleUrl>([^<]+)<", text) == ["#path-1", "#path-2", "#path-3"]
+    assert "<description>Time 0 is 1970-01-01T00:00:00+00:00; altitude is minus the depth<" in text
+
+
 def test_times_before_the_start_are_kept(tmp_path: Path) -> None:
     path = path_of(np.arange(9.0).reshape(3, 3), [-1.25, -0.5, 2.0])
     written(tmp_path, path)

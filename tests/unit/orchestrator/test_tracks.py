@@ -10,6 +10,7 @@ import pytest
 from sblcosim.errors import ConfigurationError, ConfigurationWarning
 from sblcosim.scenario.scenario import load
 from sblcosim.tracks import resample
+from sblcosim.tracks.course import headed
 from sblcosim.tracks.place import Origin
 from sblcosim.tracks.read import read
 from sblcosim.tracks.resample import MOST, TooFewError, fitted
@@ -213,6 +214,33 @@ def test_what_is_wrong_is_named_with_line_and_column(tmp_path: Path, case: str) 
     assert "\n" not in line
 
 
+@pytest.mark.parametrize(("text", "said"), [
+    (table("time_s,north_m,longitude_deg,down_m", "0,1,2,3"),
+     "line 1, column 3: must be one of north_m, east_m, down_m, as the first of them says, got "
+     "'longitude_deg'; did you mean 'east_m'?"),
+    (table("depth_m,east_m,north_m,time_s", "0,1,2,3"),
+     "line 1, column 2: must be one of latitude_deg, longitude_deg, depth_m, as the first of them "
+     "says, got 'east_m'; did you mean 'longitude_deg'?"),
+    (table(NED, "0,1,2,3", "1,2,3,4,5,6,7,8,9"),
+     "line 3, column 5: must have as many columns as the names, 4, got 9"),
+    (table(NED, "0,1,2,3", "1,2,x,4,5"),
+     "line 3, column 5: must have as many columns as the names, 4, got 5"),
+    (table("time,time_s,north_m,east_m,down_m", "1,2,3,4,5"),
+     "line 1, column 2: must be either time_s or time, got both"),
+    (table("north_m,time,east_m,time_s,down_m", "1,2,3,4,5"),
+     "line 1, column 4: must be either time_s or time, got both"),
+    (table("#,1;2", "", "time_s;north_m;east_m;down_m", "#0;1", "0;1;2;x", "1;1;2;3"),
+     "line 5, column 4 (down_m): must be a number from -100000 to 100000, got 'x'"),
+    (table(NED, "0,1,2,3", "", "# 1,2", " #,1,2,3", "1,1,2,-x", "2,1,2,3"),
+     "line 6, column 4 (down_m): must be a number from -100000 to 100000, got '-x'"),
+])  # fmt: skip
+def test_messages_about_a_table_in_full(tmp_path: Path, text: str, said: str) -> None:
+    file = written(tmp_path, text)
+    with pytest.raises(ConfigurationError) as error:
+        read(file)
+    assert str(error.value) == f"{file}, {said}"
+
+
 @pytest.mark.parametrize("names", [NED, GEO])
 @pytest.mark.parametrize("lacking", range(4))
 def test_a_column_that_is_missing_is_named(tmp_path: Path, names: str, lacking: int) -> None:
@@ -272,6 +300,160 @@ def test_too_many_points_are_refused(tmp_path: Path, seam: Seam) -> None:
         read(written(tmp_path, table(NED, "0,1,2,3", "1,1,2,3", "2,1,2,3")))
 
 
+# Limits ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("head", "first", "second"), [
+    (NED, (1e5, -1e5, 1e5), (-1e5, 1e5, -1e5)), (GEO, (90, -180, 1e5), (-90, 180, -1e5)),
+])  # fmt: skip
+def test_numbers_up_to_their_largest_are_read_and_none_beyond(
+    tmp_path: Path, head: str, first: tuple[float, ...], second: tuple[float, ...]
+) -> None:
+    track = read(written(tmp_path, table(head, *(f"{t},{a},{b},{c}" for t, (a, b, c) in
+                                                 enumerate((first, second))))))
+    assert track.points.tolist() == [[*first], [*second]]
+    for i, name in enumerate(head.split(",")[1:]):
+        for sign in (1, -1):
+            row = [1.0, 2.0, 3.0]
+            row[i] = sign * (abs(first[i]) + 0.25)
+            most = abs(first[i])
+            with pytest.raises(ConfigurationError) as error:
+                read(written(tmp_path, table(head, "0,1,1,1", f"1,{row[0]},{row[1]},{row[2]}")))
+            assert str(error.value).endswith(
+                f"line 3, column {i + 2} ({name}): must be a number from -{most:g} to {most:g}, "
+                f"got '{row[i]}'"
+            )
+
+
+@pytest.mark.parametrize(("point", "coordinate", "most", "got"), [
+    ('<trkpt lat="90.5" lon="14"><ele>-1</ele>', "lat", "90", "90.5"),
+    ('<trkpt lat="-90.5" lon="14"><ele>-1</ele>', "lat", "90", "-90.5"),
+    ('<trkpt lat="42" lon="180.5"><ele>-1</ele>', "lon", "180", "180.5"),
+    ('<trkpt lat="42" lon="14"><ele>100000.5</ele>', "ele", "100000", "100000"),
+    ('<trkpt lat="42" lon="14"><ele>-250000</ele>', "ele", "100000", "-250000"),
+])  # fmt: skip
+def test_numbers_of_gpx_beyond_their_largest_are_refused(
+    tmp_path: Path, point: str, coordinate: str, most: str, got: str
+) -> None:
+    clock = "<time>2024-05-01T10:00:{:02}Z</time></trkpt>"
+    ends = [f'<trkpt lat="{sign}90" lon="{other}180"><ele>{sign}1e5</ele>'
+            for sign, other in (("", "-"), ("-", ""))]
+    track = read(written(tmp_path, gpx(*(it + clock.format(i) for i, it in enumerate(ends)))))
+    assert track.points.tolist() == [[90, -180, -1e5], [-90, 180, 1e5]]
+    with pytest.raises(ConfigurationError) as error:
+        read(written(tmp_path, gpx(ends[0] + clock.format(0), "", point + clock.format(1))))
+    assert str(error.value).endswith(
+        f"line 7, column 1 (trkpt 2, {coordinate}): must be a number from -{most} to {most}, got "
+        f"{got}"
+    )
+
+
+def test_points_are_a_microsecond_apart_at_least(tmp_path: Path) -> None:
+    assert read(written(tmp_path, table(NED, "7.5,1,2,3", "7.500001,1,2,3"))).times[1] == 1e-6
+    with pytest.raises(ConfigurationError, match=r"later than the point before \(7.5\), got '7.50"):
+        read(written(tmp_path, table(NED, "7.5,1,2,3", "7.5000009,1,2,3")))
+    clock = NED.replace("time_s", "time")
+    day = "2024-05-01T10:00:00"
+    there = read(written(tmp_path, table(clock, f"{day}.000001,1,2,3", f"{day}.000002,1,2,3",
+                                         "2024-05-02T11:00:01,1,2,3")))
+    assert there.times.tolist() == [0, 1e-6, 25 * 3600 + 1 - 1e-6]
+    text = gpx((42, -1, 0), (42, -1, 0))
+    first, last = text.index("00Z"), text.rindex("00Z")
+    text = f"{text[:first]}00.000003Z{text[first + 3 : last]}00.000004Z{text[last + 3 :]}"
+    assert read(written(tmp_path, text)).times.tolist() == [0, 1e-6]
+
+
+def test_seconds_of_a_clock_are_below_a_billion(tmp_path: Path) -> None:
+    for sign in ("", "-"):
+        good = table(NED, f"{sign}1000000000000,1,2,3", f"{sign}1000000000001,1,2,3")
+        with pytest.raises(ConfigurationError, match=r"line 3, column 1 .time_s.: must be a number "
+                           "of seconds, got '-?1000000000001'"):
+            read(written(tmp_path, good))
+    near = read(written(tmp_path, table(NED, "999999999999.5,1,2,3", "1000000000000,1,2,3")))
+    assert near.times.tolist() == [0, 0.5]
+
+
+def test_a_boat_needs_no_depth_and_may_have_headings(tmp_path: Path) -> None:
+    head = "heading_deg,time_s,note,east_m,north_m"
+    file = written(tmp_path, table(head, "360,5,a,1,2", "-360,6,b,3,4", "90.5,8,c,5,6"))
+    boat = read(file, depths=False)
+    assert boat.times.tolist() == [0, 1, 3]
+    assert boat.points.tolist() == [[2, 1, 0], [4, 3, 0], [6, 5, 0]]
+    assert boat.headings is not None
+    assert boat.headings.tolist() == [360, -360, 90.5]
+    assert [boat.where(1, k).rpartition("dive.csv, ")[2] for k in range(4)] == [
+        "line 3, column 2 (time_s)", "line 3, column 5 (north_m)", "line 3, column 4 (east_m)",
+        "line 3, column 1 (heading_deg)",
+    ]
+    with pytest.raises(ConfigurationError, match="must be down_m, got no such column in heading_d"):
+        read(file)
+    with pytest.raises(ConfigurationError, match=r"column 1 \(heading_deg\): .*360, got '360.5'"):
+        read(written(tmp_path, table(head, "0,5,a,1,2", "360.5,6,b,3,4")), depths=False)
+    deep = table("time_s,latitude_deg,longitude_deg,depth_m", "0,42,14,3", "1,43,15,4")
+    found = read(written(tmp_path, deep), depths=False)
+    assert found.points.tolist() == [[42, 14, 3], [43, 15, 4]]
+    assert found.headings is None
+    flat = gpx((42, -7, 1), (43, 9, 3)).replace("<ele>9</ele>", "")
+    found = read(written(tmp_path, flat), depths=False)
+    assert found.points.tolist() == [[42, 14.2, 0], [43, 14.2, 0]]
+    with pytest.raises(ConfigurationError, match=r"trkpt 2, ele\): must have an elevation"):
+        read(written(tmp_path, flat))
+
+
+def test_a_byte_that_is_no_text_is_named_with_its_column(tmp_path: Path) -> None:
+    text = gpx((42, -1, 1), (43, -2, 3)).replace("point", "höhe")
+    (tmp_path / "dive.gpx").write_bytes(text.encode("latin-1"))
+    with pytest.raises(ConfigurationError) as error:
+        read(tmp_path / "dive.gpx")
+    line = next(it for it in text.split("\n") if "höhe" in it)
+    assert str(error.value).endswith(
+        f"dive.gpx, line 3, column {line.index('ö') + 1}: must be text in UTF-8, got the byte 0xf6"
+    )
+
+
+# Where a boat points -----------------------------------------------------------------------------
+
+
+def test_a_boat_points_from_where_it_was_to_where_it_will_be() -> None:
+    """North at 1 m/s, then east at 2 m/s: from 5 s before to 5 s after each time."""
+    times = np.array([0.0, 100.0, 200.0])
+    at, heading = headed(times, np.array([[7.0, 3.0], [107.0, 3.0], [107.0, 203.0]]), 0.1)
+    assert at.tolist() == [0, 2.5, 5, 95, 97.5, 100, 102.5, 105, 195, 197.5, 200]
+    turning = [np.arctan2(2 * after, 10 - after) for after in (2.5, 5.0, 7.5)]
+    quarter = np.pi / 2
+    np.testing.assert_allclose(
+        heading, [0, 0, 0, 0, *turning, quarter, quarter, quarter, quarter], atol=1e-12
+    )
+
+
+def test_a_boat_that_rests_keeps_its_heading_and_before_it_leaves_has_that_of_its_start() -> None:
+    """It moves by 5 m in 10 s, or not at all; headings are not wrapped."""
+    times = np.arange(0.0, 101.0, 10.0)
+    north = np.array([0, 0, 0, 0, -5, -10, -10, -10, -10, -15, -20.0])
+    east = np.array([0, 0, 0, 0, 0.5, 1.0, 1.0, 1.0, 1.0, 0.5, 0.0])
+    points = np.column_stack([north, east])
+    at, heading = headed(times, points, 0.3)
+    there = dict(zip(at.tolist(), np.degrees(heading).tolist(), strict=True))
+    out, back = np.degrees(np.arctan2(0.5, -5)), 360 + np.degrees(np.arctan2(-0.5, -5))
+    for time, expected in ((0, out), (10, out), (25, out), (40, out), (50, out), (60, out),
+                           (75, out), (80, back), (90, back), (100, back)):
+        assert there[time] == pytest.approx(expected), time
+    assert 170 < out < 180 < back < 190
+    straight = np.column_stack([times / 2, 0 * times])
+    for tolerance, expected in ((4.999, -90.0), (5.0, 0.0)):
+        found = headed(times, straight[:, ::-1] * -1, tolerance)[1]
+        assert np.degrees(found) == pytest.approx([expected] * len(found))
+
+
+def test_times_beside_a_corner_that_are_those_of_the_track_are_one() -> None:
+    for third, beside in ((5.0005, False), (5.0015, True)):
+        times = np.array([0.0, third, 30.0])
+        at, _ = headed(times, np.column_stack([times, times]), 0.1)
+        assert (5.0 in at.tolist()) == beside
+        assert third in at.tolist()
+        assert (np.diff(at) > 0).all()
+
+
 # What is kept ------------------------------------------------------------------------------------
 
 
@@ -308,6 +490,33 @@ def test_a_corner_is_cut_no_farther_than_the_tolerance() -> None:
     kept = fitted(times, points, 0.05)
     assert kept.added == 4
     assert largest(kept, times, points) <= 0.05
+
+
+def test_points_beside_a_corner_are_as_near_as_the_tolerance_asks() -> None:
+    """A leg's motion strays by 0.2 of its chord: 0.05 / (0.2 · 50) of 100 s, and so on."""
+    times, points = np.array([0.0, 100, 160, 200]), np.array(
+        [[0, 0, 5], [50, 0, 5], [50, 0, 5], [50, 30, 5.0]]
+    )
+    kept = fitted(times, points, 0.05)
+    beside = 0.05 / (0.2 * 30) * 40
+    np.testing.assert_allclose(
+        kept.times, [0, 0.5, 99.5, 100, 160, 160 + beside, 200 - beside, 200], rtol=1e-12
+    )
+    np.testing.assert_allclose(kept.points[1:3], [[0.25, 0, 5], [49.75, 0, 5]], rtol=1e-12)
+    assert (kept.recorded, kept.added) == (4, 4)
+    assert len(fitted(times, points, 0.05, most=8).times) == 8
+    with pytest.raises(TooFewError, match=r"as 7 points are to do for the 4 .*, got 0\.05"):
+        fitted(times, points, 0.05, most=7)
+
+
+@pytest.mark.parametrize("tolerance", [0.05, 0.3])
+def test_the_bound_of_the_distance_is_close_to_it(tolerance: float) -> None:
+    times, points = dive(400)
+    kept = fitted(times, points, tolerance)
+    far = largest(kept, times, points)
+    assert far - 1e-12 <= kept.deviation <= 1.05 * far
+    assert kept.deviation <= tolerance
+    assert kept.added == int((~np.isin(kept.times, times)).sum())
 
 
 def test_of_a_straight_line_little_is_kept() -> None:

@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 from recorded_sets import RECORDED
 from sblcosim import ConfigurationError, read_log
+from sblcosim.logs import water_linked
 from sblcosim.logs.log import Log
+from sblcosim.logs.times import MISSING
 from sblcosim.logs.water_linked import OWN_AXES
 from sblcosim.tracks.place import Origin
 
@@ -212,6 +214,123 @@ def test_times_of_polls(tmp_path: Path, key: str, value: Any, expected: int) -> 
     log = _read(tmp_path, [{key: value, "path": "position/acoustic/raw",
                             "body": {"x": 1, "y": 2, "z": 3}}])
     assert log.fixes["acoustic raw"].epoch_ns.tolist() == [expected]
+
+
+@pytest.mark.parametrize(("digits", "words", "unit_ns"), [
+    (1, "seconds", 10**9), (9, "seconds", 10**9), (11, "seconds", None),
+    (12, "milliseconds", 10**6), (14, "milliseconds", None), (15, "microseconds", 1000),
+    (17, "microseconds", None), (18, "nanoseconds", 1), (20, "nanoseconds", None),
+    (21, "nanoseconds", None),
+])  # fmt: skip
+def test_times_without_a_unit_have_that_of_their_digits(
+    tmp_path: Path, digits: int, words: str, unit_ns: int | None
+) -> None:
+    """With the usual number of them; times that are too late for any clock are none."""
+    time = 2 * 10 ** (digits - 1)
+    polls = [{"time": it, "path": "position/acoustic/raw", "body": {"x": k, "y": 2, "z": 3}}
+             for k, it in enumerate((time, f"{time}.5", 3 * 10**24))]  # fmt: skip
+    polls.append({"path": "config/receivers", "body": []})
+    raw = water_linked.raw_of(tmp_path / "it.json", json.dumps(polls), {}, "")
+    assert raw.remarks[0] == f"times have {digits} digits and are taken for {words}"
+    if unit_ns is None:
+        assert [it.what for it in raw.findings] == ["no time"] * 3
+        return
+    found = raw.tables["fixes"]["time_ns"].tolist()
+    half = [] if unit_ns == 1 else [time * unit_ns + unit_ns // 2]
+    assert found == [time * unit_ns, *half]
+    assert MISSING not in found
+
+
+def test_marks_of_receivers_and_repeats_of_ranges(tmp_path: Path) -> None:
+    """Ranges may repeat beside a new position; those without a mark are valid."""
+    places = "\n".join(f"R{i} = [{i}, 0, 1]" for i in range(5))
+    marks = {"receiver_valid": [1.0, 0.0, True, False]}
+    log = _read(tmp_path, [
+        _acoustic(1, 5.0, 6.0, 7.0, 8.0, 9.0, **marks),
+        _acoustic(2, 5.0, 6.0, 7.0, 8.0, 9.0, **marks),
+        _acoustic(3, -1.0, 6.5, -1, 8.5, 9.5, receiver_valid=[1, 1, 1, 1, 0.5]),
+        _acoustic(4, receiver_valid=[1]), _acoustic(5),
+        _acoustic(6, 5.0, 6.0, receiver_valid="x"),
+    ], f"[beacons]\n{places}\n")  # fmt: skip
+    again, out = "a value that was only read again", "marked as not valid"
+    assert Counter((it.line, it.what, it.of) for it in log.findings) == Counter([
+        *((1, out, f"R{i}") for i in (1, 3)), *((2, out, f"R{i}") for i in (1, 3)),
+        *((2, again, f"R{i}") for i in (0, 2, 4)),
+        (3, "no data (-1)", "R0"), (3, "no data (-1)", "R2"),
+    ])
+    heard = log.receptions
+    assert [(line, log.beacons[b], r) for line, b, r in
+            zip(heard.line.tolist(), heard.beacon, heard.range, strict=True)] == [
+        (1, "R0", 5), (1, "R2", 7), (1, "R4", 9), (3, "R1", 6.5), (3, "R3", 8.5), (3, "R4", 9.5),
+        (6, "R0", 5), (6, "R1", 6),
+    ]  # fmt: skip
+    assert len(log.depth) == 6
+
+
+def test_depths_are_those_of_positions(tmp_path: Path) -> None:
+    log = _read(tmp_path, [
+        _acoustic(1, z=2.0), _acoustic(2, z=3.0, position_valid=False),
+        _acoustic(3, x=-1, y=-1, z=-1), _acoustic(4, x=-1, y=-1, z=4.0),
+        _acoustic(5, x=0, y=0, z=0), _acoustic(6, x=0, y=5, z=0), _acoustic(7, x=None, z=5.0),
+        _acoustic(8, z=6.0, std=0.0), _acoustic(8.5, z=6.0, std=0.0) | {"body": {
+            **_acoustic(8, z=6.0, std=0.0)["body"]}},
+    ])  # fmt: skip
+    assert log.depth.tolist() == [2, 4, 0, 6]
+    assert log.fixes["acoustic raw"].position[:, 2].tolist() == [2, 4, 0, 6]
+    assert "1 of 9 answers (11 %) only repeat the one before" in log.remarks
+    assert log.fixes["acoustic raw"].position_std is None  # the last has none
+    assert [(it.line, it.what) for it in log.findings if it.line in (3, 5, 7)] == [
+        (3, "zeros or -1: no position yet"), (5, "zeros or -1: no position yet"),
+        (7, "no numbers, or no position of the topside unit at that time"),
+    ]
+
+
+@pytest.mark.parametrize(("age", "used"), [(-0.01, False), (0.0, True), (5.0, True), (5.01, False)])
+def test_a_pose_of_the_topside_unit_counts_for_five_seconds(
+    tmp_path: Path, age: float, used: bool
+) -> None:
+    log = _read(tmp_path, [
+        _poll(0, "config/receivers", RECEIVERS),
+        _poll(10, "position/master", {"lat": 60.0, "lon": 5.0, "orientation": 90.0}),
+        _acoustic(10 + age, 5.5, 6.0, 7.0, x=3.0, y=2.0),
+        _poll(11, "position/global", {"lat": 60.001, "lon": 5.0}),
+    ])  # fmt: skip
+    assert ("acoustic raw" in log.fixes) == used
+    assert len(log.receptions) == 3 * used
+    if used:
+        np.testing.assert_allclose(log.fixes["acoustic raw"].position, [[-2, 3, 2.5]], atol=1e-6)
+
+
+@pytest.mark.parametrize(("body", "sound"), [
+    ({"lat": 60.0, "lon": 5.0, "orientation": 360.0}, True),
+    ({"lat": 60.0, "lon": 5.0, "orientation": 360.5}, False),
+    ({"lat": 60.0, "lon": 5.0, "orientation": -0.5}, False),
+    ({"lat": 60.0, "lon": 5.0}, False), ({"lat": 0, "lon": 0, "orientation": 7.0}, False),
+    ({"latitude": 0, "longitude": 5.0, "orientation": 0}, True), (None, False),
+])  # fmt: skip
+def test_a_pose_of_the_topside_unit_needs_its_place_and_direction(
+    tmp_path: Path, body: dict[str, float] | None, sound: bool
+) -> None:
+    log = _read(tmp_path, [
+        _poll(0, "config/receivers", RECEIVERS), _poll(1, "position/master", body),
+        _acoustic(2, 5.5, 6.0, 7.0),
+    ])  # fmt: skip
+    said = "1 positions of the topside unit place its axes on Earth; its roll and pitch are " \
+        "taken for 0"
+    assert (said in log.remarks) == sound
+    assert (log.meta.place is not None) == sound
+    assert len(log.receptions) == 3
+    assert log.receptions.has_pose.all() == sound
+
+
+def test_a_position_on_earth_before_the_first_depth_has_none(tmp_path: Path) -> None:
+    earth = {"lat": 60.0, "lon": 5.0}
+    log = _read(tmp_path, [
+        _poll(1, "position/global", earth), _acoustic(2, z=4.0),
+        _poll(2, "position/global", {**earth, "std": 0.5}),
+        _poll(3, "position/global", {**earth, "lat": 60.00001}), _acoustic(4, z=6.0),
+    ])  # fmt: skip
+    np.testing.assert_allclose(log.fixes["global"].position[:, 2], [0, 4, 4], atol=1e-5)
 
 
 def test_damaged_answers_are_counted_with_their_lines(tmp_path: Path) -> None:
