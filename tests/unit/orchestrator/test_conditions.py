@@ -158,3 +158,15 @@ def test_of_another_fmu_only_the_name_is_known() -> None:
         "platform of mine.fmu", PINGS, NOISE, "exact clock and speed of sound"]
     assert said(acoustics__fmu="boats/sea.fmu") == [
         REST, GPS, ARMS, "acoustics of sea.fmu", "exact mounting"]
+
+
+def test_a_grade_is_named_while_its_keys_have_its_values_but_for_rounding() -> None:
+    key, grade = "platform.gps_horizontal_std_m", {"platform__gps_grade": "standalone"}
+    value = load({}, {"platform.gps_grade": "standalone"}).platform.gps_horizontal_std_m
+    for factor, named in ((1 + 5e-10, True), (1 + 1.5e-9, False)):
+        found = said(**grade, **{key.replace(".", "__"): value * factor})
+        assert ("standalone GPS" in found) == named
+    zero = {"platform__gps_grade": "rtk_fixed", "platform__gps_vertical_bias_std_m": 0.0}
+    for size, named in ((5e-13, True), (1.5e-12, False)):
+        found = said(**{**zero, "platform__gps_vertical_bias_std_m": size})
+        assert ("RTK fixed GPS" in found) == named
