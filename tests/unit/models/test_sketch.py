@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from sblcosim.models.settings import boat, paths
-from sblcosim.models.settings.expression import UNKNOWN, symbol
+from sblcosim.models.settings.expression import UNKNOWN, inputs_of, symbol
 
 DIVER: dict[str, Any] = {
     "center_m": (3.0, -2.0), "heading_deg": 35.0, "depth_start_m": 4.0, "depth_end_m": 9.0,
@@ -158,8 +158,18 @@ def test_what_receivers_are_told_of_a_boat_adds_its_track_to_its_own_motion() ->
     still = {"track_m": (1.0,) * 6}
     assert told({"std": 0.0}, **still) == {"std": 0.0, "time": 1e6}
     assert told(own, **still) == pytest.approx(own)
-    assert told({"std": 0.5, "time": 2e6}, **still)["time"] == 1e6
+    for time in (0.7e6, 1.5e6, 2e6):  # what changes as slowly does not change
+        assert told({"std": 0.5, "time": time}, **still)["time"] == pytest.approx(min(time, 1e6))
     assert told(own, track_count=0) == straight
+
+
+def test_where_points_are_not_known_the_rates_are_inputs() -> None:
+    unknown, own = boat_with(track_count=symbol("count")), {"std": 0.5, "time": 4.0}
+    for yaw in (False, True):
+        mean, changes = boat.RATES[2 * yaw : 2 * yaw + 2]
+        found = boat.turning(unknown, own, "std", "time", {"std": 7.0, "time": 8.0}, yaw=yaw)
+        assert {*inputs_of(found["std"])} == {"count", mean}
+        assert {*inputs_of(found["time"])} == {"count", mean, changes}
 
 
 def test_a_boat_points_where_it_goes_unless_a_track_says_it() -> None:

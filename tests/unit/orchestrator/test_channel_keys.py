@@ -18,6 +18,7 @@ from sblcosim.limits.parameters import conditions
 from sblcosim.scenario import water
 from sblcosim.scenario.doubts import doubts
 from sblcosim.scenario.scenario import load
+from sblcosim.scenario.schema import Acoustics
 from sblcosim.scenario.timing import slot_of
 from sblcosim.scenario.wiring import connect
 
@@ -259,6 +260,7 @@ def test_rays_that_are_bent_too_much_are_doubted() -> None:
       "reach_m": 140.0}, 0.16),
     ({"water_depth_m": 100.0}, 0.05 + 0.25 / 1.5 + 0.01),
     ({"sound_speed_m_s": 1000.0, "packet_duration_s": 0.0404}, 0.2004),
+    ({"sound_speed_m_s": 1000.0, "packet_duration_s": 0.0400005}, 0.2000005),
 ])  # fmt: skip
 def test_a_slot_lasts_as_long_as_its_parts(changes: dict[str, Any], needed: float) -> None:
     timed = {**TIMED, f"{A}sound_speed_m_s": 1500.0}
@@ -268,9 +270,16 @@ def test_a_slot_lasts_as_long_as_its_parts(changes: dict[str, Any], needed: floa
     acoustics = load({}, {"time.sampling_time_s": 1.0, **keys}).acoustics
     found = slot_of(acoustics)
     assert found is not None
-    assert found.needed_s == pytest.approx(np.ceil(1000 * needed - 1e-3) / 1000, abs=1e-12)
+    assert found.needed_s == pytest.approx(np.ceil(1000 * needed - 1e-5) / 1000, abs=1e-12)
     parts = (found.packet_s, found.travel_s, found.echo_s, found.guard_s, found.turnaround_s)
     assert sum(parts) == pytest.approx(needed)
+
+
+def test_where_no_speed_of_sound_is_given_yet_it_is_1500_m_s() -> None:
+    keys = {"packet_duration_s": 0.05, "reach_m": 150.0, "ranging": "one_way"}
+    found = slot_of(Acoustics.model_validate(keys))
+    assert found is not None
+    assert (found.travel_s, found.needed_s) == (0.1, 0.15)
 
 
 def test_there_is_no_slot_without_packets() -> None:
