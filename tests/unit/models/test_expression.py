@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import operator
 import random
 from collections.abc import Callable
 from decimal import Decimal, getcontext
 from typing import Any
 
 import casadi as ca
+import numpy as np
 import pytest
 from sblcosim.models.platform.variables import COMPONENT as PLATFORM
 from sblcosim.models.settings import either, exact
@@ -16,6 +18,7 @@ from sblcosim.models.settings.expression import (
     UNKNOWN,
     computed,
     inputs_of,
+    ordered,
     outlined,
     statements,
     symbol,
@@ -73,9 +76,30 @@ def test_a_root_of_squares_is_the_nearest_double() -> None:
     assert plain > CASES / 20  # a plain root is not
 
 
+ENDS: dict[str, tuple[Callable[..., float], Callable[..., Decimal], list[float]]] = {
+    "exp": (exact.exp, lambda x: Decimal(x).exp(),
+            [-700.0, -699.99, -350.3, 77.77, 354.9, 355.4, 699.999]),
+    "log": (exact.log, lambda x: Decimal(x).ln(), [
+        *(m * 2.0**k for k in (1, 2, 3, 7, 15, 16, 63, 127, 255, 256, 511, 512, 1022)
+          for m in (1.0, 1.37, 1.41, 1.99)), 1.4, math.nextafter(1.4, 2.0), 2.0**1023]),
+    "sin": (exact.sin, exact_sine, [
+        sign * (quarter * math.pi / 2 + off) for quarter in (1, 2, 3, 4, 5, 77, 63_002, 630_003)
+        for off in (-0.7854, -0.3, 1e-9, 0.5, 0.7853) for sign in (1, -1)]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ENDS)
+def test_a_function_is_as_exact_at_the_ends_of_its_range(name: str) -> None:
+    function, right, numbers = ENDS[name]
+    getcontext().prec = 60
+    for x in numbers:
+        assert function(x) == float(right(x)), x
+
+
 @pytest.mark.parametrize(("function", "at", "value"), [
-    (exact.exp, 0.0, 1.0), (exact.exp, -1e9, 0.0), (exact.log, 1.0, 0.0), (exact.sin, 0.0, 0.0),
-    (exact.sin, math.pi / 2, 1.0), (exact.hypot, 0.0, 0.0),
+    (exact.exp, 0.0, 1.0), (exact.exp, -1e9, 0.0), (exact.exp, -700.001, 0.0),
+    (exact.log, 1.0, 0.0), (exact.sin, 0.0, 0.0), (exact.sin, math.pi / 2, 1.0),
+    (exact.hypot, 0.0, 0.0),
 ])  # fmt: skip
 def test_some_values_are_exact(function: Callable[[float], float], at: float, value: float) -> None:
     assert function(at) == value
@@ -121,6 +145,80 @@ def test_a_ratio_to_what_is_not_positive_is_one(
     assert either.ratio(value, positive) == expected
     x, y = ca.SX.sym("x"), ca.SX.sym("y")
     assert float(ca.Function("f", [x, y], [either.ratio(x, y)])(value, positive)) == expected
+
+
+OPERATIONS: dict[str, Callable[..., float]] = {
+    "add": operator.add, "sub": operator.sub, "mul": operator.mul, "div": operator.truediv,
+    "neg": operator.neg, "lt": operator.lt, "le": operator.le, "eq": operator.eq,
+    "ne": operator.ne, "both": lambda a, b: a != 0 and b != 0, "least": max, "most": min,
+    "where": lambda condition, a, b: a if condition else b, "sqrt": math.sqrt,
+    "floor": math.floor, "absolute": abs,
+}  # fmt: skip
+
+
+def evaluated(expression: Any, values: dict[str, float]) -> float:
+    """The number that an expression is with these inputs."""
+    found: dict[int, float] = {}
+    for it in ordered([expression]):
+        if it.operation in ("input", "number"):
+            (leaf,) = it.operands
+            found[id(it)] = values[leaf] if it.operation == "input" else leaf
+        else:
+            operands = [found[id(o)] for o in it.operands]
+            name = it.operation.removeprefix("call ")
+            function = getattr(exact, name) if name != it.operation else OPERATIONS[name]
+            found[id(it)] = function(*operands)
+    return found[id(expression)]
+
+
+ELEMENTARY: list[tuple[Callable[..., Any], tuple[float, ...], float]] = [
+    (either.sqrt, (6.25,), 2.5), (either.sqrt, (0.0,), 0.0), (either.square, (-1.5,), 2.25),
+    (either.exp, (-0.75,), math.exp(-0.75)), (either.log, (7.5,), math.log(7.5)),
+    (either.sin, (2.5,), math.sin(2.5)), (either.hypot, (-3.0, 4.0), 5.0),
+    (lambda x, y: either.hypot(x, 0.0, y, 12.0), (3.0, -4.0), 13.0),
+    (lambda x: either.hypot(0.0, x), (-2.5,), 2.5),
+    (lambda x, y: either.total([x, 10.0, y]), (2.5, -4.0), 8.5),
+    (either.degrees, (2.5,), 450 / math.pi), (either.radians, (90.0,), math.pi / 2),
+    (either.greatest, (2.5, -3.0), 2.5), (either.greatest, (-4.0, -3.0), -3.0),
+    *((lambda x: either.clipped(x, -1.5, 2.5), (x,), y)
+      for x, y in ((-2.0, -1.5), (-1.5, -1.5), (0.25, 0.25), (2.5, 2.5), (3.0, 2.5))),
+    (lambda x: either.clipped(x, -math.inf, 2.5), (-9.0,), -9.0),
+    (lambda x: either.clipped(x, -1.5, math.inf), (9.0,), 9.0),
+    *((lambda x, y: either.where(either.both(x > 1, y < 5), 7.0, 8.0), xy, z)
+      for xy, z in (((2.0, 3.0), 7.0), ((1.0, 3.0), 8.0), ((2.0, 5.0), 8.0), ((0.5, 6.0), 8.0))),
+    (lambda x, y: either.where(x <= y, x, y), (2.5, 2.5), 2.5),
+    (either.ratio, (3.0, 2.0), 1.5), (either.ratio, (3.0, 0.0), 1.0),
+    (lambda x: abs(-x - 1) / 2, (3.0,), 2.0), (lambda x, y: 1 - x / y, (3.0, 4.0), 0.25),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("function", "at", "value"), ELEMENTARY)
+def test_numbers_symbols_and_expressions_have_the_same_value(
+    function: Callable[..., Any], at: tuple[float, ...], value: float
+) -> None:
+    """By hand or by the mathematics of Python; and an expression has the bits of the numbers."""
+    assert function(*at) == pytest.approx(value, rel=1e-15)
+    assert type(function(*at)) is float
+    named = dict(zip("xy", at, strict=False))
+    assert evaluated(function(*map(symbol, named)), named) == function(*at)
+    x = [ca.SX.sym(name) for name in named]
+    assert float(ca.Function("f", x, [function(*x)])(*at)) == pytest.approx(value, rel=1e-14)
+
+
+@pytest.mark.parametrize(("value", "whole"), [
+    (2.5, 3), (2.4999, 2), (-2.5, -2), (-2.5001, -3), (0.5, 1), (-0.5, 0), (7.0, 7),
+])  # fmt: skip
+def test_half_numbers_are_rounded_up_and_a_symbol_stays(value: float, whole: int) -> None:
+    assert either.rounded(value) == evaluated(either.rounded(X), {"x": value}) == whole
+    x = ca.SX.sym("x")
+    assert either.rounded(x) is x
+
+
+def test_what_is_symbolic_is_a_symbol_or_an_expression_among_numbers() -> None:
+    assert not either.symbolic(1, 2.0, True, np.float64(3.0))
+    assert either.symbolic(1.0, X)
+    assert either.symbolic(ca.SX.sym("x"), 1)
+    assert either.symbolic(2, ca.MX.sym("x"))
 
 
 def test_what_needs_an_unknown_value_is_unknown() -> None:

@@ -18,6 +18,8 @@ from sblcosim.limits.parameters import conditions
 from sblcosim.scenario import water
 from sblcosim.scenario.doubts import doubts
 from sblcosim.scenario.scenario import load
+from sblcosim.scenario.schema import Acoustics
+from sblcosim.scenario.timing import slot_of
 from sblcosim.scenario.wiring import connect
 
 HARBOUR = "harbour-square"
@@ -246,6 +248,94 @@ def test_rays_that_are_bent_too_much_are_doubted() -> None:
     (line,) = doubts(load(HARBOUR, steep), {})
     assert "rays are straight here" in line
     assert not [*doubts(load(HARBOUR, {**steep, f"{A}reach_m": 10.0}), {})]
+
+
+@pytest.mark.parametrize(("changes", "needed"), [
+    ({}, 0.16), ({"reach_m": None}, 0.06), ({"guard_interval_s": None}, 0.15),
+    # Request, answer and turn-around, and the way there and back.
+    ({"ranging": "two_way", "turnaround_s": 0.007}, 0.1 + 0.2 + 0.01 + 0.007),
+    ({"turnaround_s": 0.007}, 0.16),
+    # In the slowest layer: 140 m at 1400 m/s; the echo takes 3-4-5 of twice the depth.
+    ({"profile_depth_m": [0.0, 9.0], "profile_speed_m_s": [1400.0, 1500.0],
+      "reach_m": 140.0}, 0.16),
+    ({"water_depth_m": 100.0}, 0.05 + 0.25 / 1.5 + 0.01),
+    ({"sound_speed_m_s": 1000.0, "packet_duration_s": 0.0404}, 0.2004),
+    ({"sound_speed_m_s": 1000.0, "packet_duration_s": 0.0400005}, 0.2000005),
+])  # fmt: skip
+def test_a_slot_lasts_as_long_as_its_parts(changes: dict[str, Any], needed: float) -> None:
+    timed = {**TIMED, f"{A}sound_speed_m_s": 1500.0}
+    if "profile_depth_m" in changes:
+        del timed[f"{A}sound_speed_m_s"]
+    keys = {**timed, **{f"{A}{key}": value for key, value in changes.items()}}
+    acoustics = load({}, {"time.sampling_time_s": 1.0, **keys}).acoustics
+    found = slot_of(acoustics)
+    assert found is not None
+    assert found.needed_s == pytest.approx(np.ceil(1000 * needed - 1e-5) / 1000, abs=1e-12)
+    parts = (found.packet_s, found.travel_s, found.echo_s, found.guard_s, found.turnaround_s)
+    assert sum(parts) == pytest.approx(needed)
+
+
+def test_where_no_speed_of_sound_is_given_yet_it_is_1500_m_s() -> None:
+    keys = {"packet_duration_s": 0.05, "reach_m": 150.0, "ranging": "one_way"}
+    found = slot_of(Acoustics.model_validate(keys))
+    assert found is not None
+    assert (found.travel_s, found.needed_s) == (0.1, 0.15)
+
+
+def test_there_is_no_slot_without_packets() -> None:
+    assert slot_of(load({}, {f"{A}reach_m": 150.0}).acoustics) is None
+    assert slot_of(load({}, {**TIMED, f"{A}fmu": "other.fmu"}).acoustics) is None
+
+
+def test_the_mean_speed_of_a_profile_is_that_of_the_way_down() -> None:
+    """The mean slowness of 1/1500 and 1/1200 s/m is 3/4000."""
+    assert water.mean_speed([2.0, 14.0, 20.0], [1500.0, 1200.0, 1500.0]) == pytest.approx(4000 / 3)
+    time = 12 * (1 / 1500 + 1 / 1200) / 2 + 6 * (1 / 1200 + 1 / 1000) / 2
+    found = water.mean_speed([2.0, 14.0, 20.0], [1500.0, 1200.0, 1000.0])
+    assert found == pytest.approx(18 / time)
+    assert water.mean_speed([7.0], [1480.0]) == water.mean_speed([7.0, 7.0], [1480.0, 1.0]) == 1480
+
+
+def test_rays_bend_as_in_the_steepest_layer() -> None:
+    """40 m/s in 5 m, at the slower 1440 m/s, is steeper than 60 m/s in 10 m."""
+    found = water.bending([0.0, 10.0, 15.0], [1540.0, 1480.0, 1440.0], 120.0)
+    assert found == pytest.approx(120.0**3 * (8 / 1440) ** 2 / 24)
+    rising = water.bending([0.0, 5.0, 15.0], [1440.0, 1480.0, 1540.0], 120.0)
+    assert rising == pytest.approx(found)
+    assert water.bending([3.0], [1500.0], 120.0) == 0.0
+    assert water.bending([3.0, 3.0], [1500.0, 1400.0], 120.0) == 0.0
+
+
+def test_temperatures_set_speeds_with_the_salinity_that_is_given() -> None:
+    def speeds(**keys: Any) -> Any:
+        profile = {"profile_depth_m": [0.0, 20.0], "profile_temperature_C": [18.0, 12.0]}
+        given = {f"{A}{key}": value for key, value in {**profile, **keys}.items()}
+        return load({}, given).acoustics.profile_speed_m_s
+
+    usual = (water.sound_speed(18.0, 35.0, 0.0), water.sound_speed(12.0, 35.0, 20.0))
+    assert speeds() == usual
+    fresh = (water.sound_speed(18.0, 0.0, 0.0), water.sound_speed(12.0, 0.0, 20.0))
+    assert speeds(salinity=0.0) == fresh
+    both = (usual[0], fresh[1])
+    assert speeds(salinity=9.0, profile_salinity=[35.0, 0.0]) == both
+    deep = {f"{A}temperature_C": 12.0, f"{A}salinity": 0.0, f"{A}sample_depth_m": 20.0}
+    assert load({}, deep).acoustics.sound_speed_m_s == fresh[1]
+    assert load({}, {f"{A}temperature_C": 18.0}).acoustics.sound_speed_m_s == usual[0]
+
+
+@pytest.mark.parametrize(("length", "loss", "wrong"), [
+    (1.0, 0.5, False), (0.999, 0.5, True), (3.0, 0.75, False), (2.99, 0.75, True),
+    (0.0, 0.75, False), (1.0, 1.0, False), (0.5, 0.0, True),
+])  # fmt: skip
+def test_bursts_are_as_long_as_one_reception_between_them_leaves(
+    length: float, loss: float, wrong: bool
+) -> None:
+    keys = {f"{A}loss_burst_length": length, f"{A}loss_probability": loss}
+    if wrong:
+        with pytest.raises(ConfigurationError, match="loss_burst_length: must be at least"):
+            load({}, keys)
+    else:
+        assert load({}, keys).acoustics.loss_burst_length == length
 
 
 # --- What is possible ----------------------------------------------------------------------------

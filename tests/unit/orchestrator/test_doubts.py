@@ -8,10 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 import sblcosim
+from python_components import Sampler
 from sblcosim.cli.common.app import app
-from sblcosim.errors import ConfigurationWarning
+from sblcosim.errors import ConfigurationError, ConfigurationWarning
 from sblcosim.models import RECEIVERS
-from sblcosim.scenario.arrangement import degenerate
+from sblcosim.models.declaration import output, parameter
+from sblcosim.scenario.arrangement import degenerate, errors_of, keys_of_errors
+from sblcosim.scenario.components import takes
 from sblcosim.scenario.doubts import PURPOSES, doubts
 from sblcosim.scenario.likes import LIKES
 from sblcosim.scenario.scenario import load, shipped
@@ -193,3 +196,105 @@ def test_beacons_are_nearly_on_a_line_below_a_twentieth(
     offsets = np.column_stack([corners @ [[c, s], [-s, c]] + [1.0, -2.0], np.full(4, 0.5)])
     found = degenerate(tuple(offsets.ravel().tolist()))
     assert found is None if said is None else said in (found or "")
+
+
+# The kind of errors that beacons have ------------------------------------------------------------
+
+
+SINES = ("roll_amplitude_deg", "pitch_amplitude_deg", "yaw_amplitude_deg", "surge_amplitude_m",
+         "sway_amplitude_m", "heave_amplitude_m")  # fmt: skip
+SPECTRUM = ("yaw_amplitude_deg", "wave_height_m", "watch_circle_m")
+SENSORS = (
+    "gps_horizontal_std_m", "gps_vertical_bias_std_m", "gps_horizontal_markov_std_m",
+    "imu_tilt_std_deg", "imu_heading_bias_deg", "imu_heading_turn_on_std_deg",
+    "imu_tilt_markov_std_deg", "imu_heading_step_deg", "imu_heading_drift_deg_s",
+    "imu_tilt_temperature_coefficient_deg_K", "misalignment_tilt_std_deg",
+    "misalignment_heading_std_deg",
+)  # fmt: skip
+
+
+def kind_of(**keys: Any) -> str | None:
+    return errors_of(load({}, {f"platform.{key}": value for key, value in keys.items()}).platform)
+
+
+def test_beacons_have_the_errors_of_a_survey_until_something_moves_or_is_shared() -> None:
+    assert kind_of() is None
+    assert kind_of(mounting_std_m=0.1) == "survey"
+    for key in SINES:
+        assert kind_of(mounting_std_m=0.1, **{key: 0.5}) is None
+    sea = {"motion": "spectrum", "wave_height_m": 0.0}
+    for key in {*SINES, *SPECTRUM}:
+        moved = kind_of(mounting_std_m=0.1, **{**sea, key: 0.5})
+        assert moved == (None if key in SPECTRUM else "survey")
+    assert kind_of(mounting_std_m=0.1, wave_height_m=0.5) == "survey"  # sines take no waves
+    assert kind_of(mounting_std_m=0.1, boat_speed_m_s=0.5) is None
+    track = {"track_time_s": (0.0, 9.0), "track_m": (0.0, 0.0, 3.0, 4.0),
+             "track_heading_deg": (0.0, 0.0)}  # fmt: skip
+    assert kind_of(mounting_std_m=0.1, **track) is None
+    assert kind_of(mounting_std_m=0.1, imu_tilt_scale_factor_error=0.1) == "survey"
+    for key in SENSORS:
+        assert kind_of(mounting_std_m=0.1, **{key: 0.5}) == kind_of(**{key: 0.5}) == "platform"
+    assert kind_of(gps_antenna_offset_m=(0.0, 0.2, 0.0)) == "platform"
+    assert kind_of(gps_shared=False) == kind_of(gps_shared=False, imu_tilt_std_deg=1.0) == "buoys"
+    assert kind_of(fmu="other.fmu", gps_shared=False) is None
+    assert kind_of(fmu="other.fmu", gps_horizontal_std_m=1.0) is None
+
+
+def test_keys_of_motion_and_sensors_are_listed_by_kind() -> None:
+    found = keys_of_errors(type(load({}).platform))
+    assert {*found["motions"]["sines"]} == {*SINES}
+    assert {*found["motions"]["spectrum"]} == {*SPECTRUM}
+    assert {*SENSORS, "gps_antenna_offset_m"} <= {*found["sensors"]}
+    assert not {"gps_correlation_time_s", "mounting_std_m", *SINES} & {*found["sensors"]}
+
+
+@pytest.mark.parametrize(("apart", "same"), [(9e-7, True), (1.1e-6, False)])
+def test_beacons_within_a_micrometre_are_at_the_same_position(apart: float, same: bool) -> None:
+    rows = [[0.0, 0.0, 1.0], [4.0, 2.0, 1.0], [0.0, 5.0, 1.0],
+            [4.0 + 0.6 * apart, 2.0, 1.0 - 0.8 * apart]]  # fmt: skip
+    if not same:
+        assert load({}, {"platform.beacon_m": rows}).beacons == 4
+        return
+    with pytest.raises(ConfigurationError) as caught:
+        load({}, {"platform.beacon_m": rows})
+    assert str(caught.value) == (
+        "override platform.beacon_m: must have each beacon at a different position, got beacons 2 "
+        "and 4 at [4.0, 2.0, 1.0]"
+    )
+
+
+def test_beacons_below_each_other_are_on_a_vertical_line() -> None:
+    said_ = degenerate((1.0, 2.0, 1.0, 1.0, 2.0 + 5e-7, 3.0, 1.0, 2.0, 5.0))
+    assert said_ is not None
+    assert said_.startswith("all beacons are on one vertical line: ranges give the diver's")
+    found = degenerate((1.0, 2.0, 1.0, 1.0, 2.0 + 2e-6, 3.0, 1.0, 2.0, 5.0))
+    assert found is not None
+    assert "on one line, 90° from forward" in found
+
+
+# What a receiver of a user takes -----------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("bounds", "does"), [
+    ({"min": -1.0}, True), ({"min": -3.0, "max": -1.0}, True), ({"min": -3.0}, True),
+    ({"min": -0.5}, False), ({"min": -3.0, "max": -2.0}, False), ({}, False),
+    ({"max": 4.0}, False), (None, None),
+])  # fmt: skip
+def test_a_receiver_takes_a_word_if_it_says_that_its_value_is_within_bounds(
+    bounds: dict[str, float] | None, does: bool | None
+) -> None:
+    """A parameter without a least value says nothing of a value below that of numbers."""
+    class Mine(Sampler):
+        variables = (
+            output("acceleration_psd", "", "m2/s3") if bounds is None
+            else parameter("acceleration_psd", "", "m2/s3", start=-1.0, **bounds),
+        )
+
+    assert takes(Mine, "acceleration_psd_m2_s3", -1.0) is does
+
+
+@pytest.mark.parametrize("name", RECEIVERS)
+def test_of_our_receivers_those_take_the_word_that_learn(name: str) -> None:
+    learn = {"coupled", "fixed_lag", "long_baseline", "array"}
+    wanted = None if name == "multilateration" else name in learn
+    assert takes(name, "acceleration_psd_m2_s3", -1.0) is wanted

@@ -3,29 +3,37 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import tomllib
 from collections.abc import Iterator
 from importlib import metadata, resources
-from math import prod
+from math import inf, isinf, nan, prod
 from pathlib import Path
 from typing import Any
 
 import jsonschema
 import pytest
 import sblcosim.cli
+from pydantic import ValidationError
 from sblcosim.errors import ConfigurationError
+from sblcosim.fmus.host.nanoseconds import MAX_SECONDS
 from sblcosim.models import RECEIVERS
 from sblcosim.models.settings.keys import default, in_file_units
 from sblcosim.scenario.file_schema import DIRECTIVE, FILE_NAME, scenario_schema
 from sblcosim.scenario.scenario import load, shipped, shipped_text
 from sblcosim.scenario.schema import (
     Acoustics,
+    Place,
     Platform,
     Receiver,
+    Table,
     Target,
+    Time,
+    divides,
     most,
     rows,
+    toml,
 )
 from sblcosim.scenario.starter import starter
 from sblcosim.study.file_schema import study_schema
@@ -121,6 +129,145 @@ def test_every_key_has_the_bounds_type_and_text_of_its_declaration(table: str, k
     for value in wrong:
         assert not SCENARIO.is_valid({table: {key: value}}), value
         assert not readable({table: {key: value}}), value
+
+
+REFERENCE = Path(__file__).parents[3] / "docs" / "reference" / "scenario.md"
+BOUNDED = re.compile(r"(-?[\d.e+-]+) to (-?[\d.e+-]+)(, or `.*)?|at least (-?[\d.e+-]+)")
+ALL_TABLES = {**TABLES, "time": Time, "place": Place}
+
+
+def bounded() -> Iterator[tuple[str, str, float, float]]:
+    """The keys with bounds in the reference: table, key, smallest and largest value."""
+    for line in REFERENCE.read_text("utf-8").splitlines():
+        path, _, _, _, values, *_ = [*line.strip("| ").split(" | "), *5 * ("",)]
+        table, _, key = path.strip("`").partition(".")
+        found = BOUNDED.fullmatch(values.strip("| "))
+        if found and table in ALL_TABLES:
+            low, high = found[1] or found[4], found[2] or "inf"
+            yield table, key, float(low), float(high)
+
+
+def test_the_bounds_of_a_key_are_those_of_the_reference() -> None:
+    """Where a bound is a rounded angle, a value just within it; of a track, two points."""
+    rows_ = [*bounded()]
+    for table, key, low, high in rows_:
+        kind = ALL_TABLES[table]
+        variable = kind.variables.get(key)
+        inward = 1e-5 if (low, high) in ROUNDED else 0.0
+        for end, sign in ((low, -1), (high, 1)):
+            if isinf(end):
+                continue
+            far = abs(end) * 1e-3 or 1e-12
+            inside, outside = end - sign * abs(end) * inward, end + sign * far
+            if (variable.type == "Int32") if variable else (key in WHOLE):
+                inside, outside = int(inside), int(end) + sign
+            for value, fits in ((inside, True), (outside, False)):
+                given: Any = value
+                if variable is not None and variable.shape:
+                    given = [value] * prod(max(int(n), 2) for n in variable.shape)
+                assert SCENARIO.is_valid({table: {key: given}}) == fits, (table, key, value)
+                assert (not errors_of(kind, {key: given})) == fits, (table, key, value)
+    assert len(rows_) > 150
+
+
+ROUNDED = {(0.0, 57.2958), (0.572958, 90.0), (-572958.0, 572958.0)}
+"""Bounds that are whole numbers of radians, or a hundredth."""
+WHOLE = ("beaufort", "beacons", "packet_bits", "ekf_ratio")
+"""Whole numbers that are no parameters."""
+
+
+def errors_of(kind: type[Table], keys: dict[str, Any]) -> list[str]:
+    """What is wrong with the keys of a table."""
+    try:
+        kind.model_validate(keys)
+    except ValidationError as error:
+        return [it["msg"] for it in error.errors()]
+    return []
+
+
+@pytest.mark.parametrize(("table", "key", "right", "wrong"), [
+    ("target", "track_tolerance_m", (1e-9, 1e5), (0.0, -1.0, 100000.1)),
+    ("platform", "track_tolerance_m", (1e-9, 1e5), (0.0, -1.0, 100000.1)),
+    ("acoustics", "interval_s", (1e-6, 3.0), (0.0, -1e-6)),
+    ("receiver", "fmi", (2, 3), (1, 4)), ("receiver", "prior", ("true",), ("false", 1)),
+    ("time", "duration_s", ("path", 1e-9, 0.5), ("Path", True, 0.0, -1.0)),
+])  # fmt: skip
+def test_other_keys_have_bounds_too(
+    table: str, key: str, right: tuple[Any, ...], wrong: tuple[Any, ...]
+) -> None:
+    for value in (*right, *wrong):
+        fits = value in right and value is not True
+        assert SCENARIO.is_valid({table: {key: value}}) == fits, value
+        assert (not errors_of(ALL_TABLES[table], {key: value})) == fits, value
+    assert errors_of(Receiver, {"prior": True}) == []  # as it is written in TOML
+
+
+@pytest.mark.parametrize(("value", "said"), [
+    (0.5, None), (60, None), (60.0, None), ("developed", None),
+    (0.49, "at least 0.5"), (60.01, "at most 60"), (True, "a number"), ("deep", "a number"),
+    (inf, "a finite number"), (nan, "a finite number"), ([3.0], "a number"),
+])  # fmt: skip
+def test_a_number_that_has_a_name_is_refused_in_words(value: Any, said: str | None) -> None:
+    wanted = [] if said is None else [f"must be {said} or 'developed'"]
+    assert errors_of(Platform, {"wave_period_s": value}) == wanted
+    if said is None and value != "developed":
+        period = Platform.model_validate({"wave_period_s": value}).wave_period_s
+        assert (type(period), period) == (float, value)
+
+
+@pytest.mark.parametrize(("value", "said"), [
+    ("path", None), (1, None), (2.5, None), ("dive", "a number or 'path'"),
+    (False, "a number or 'path'"), ([1.0], "a number or 'path'"), (0, "more than 0"),
+    (-2.0, "more than 0"), (inf, "more than 0"), (nan, "more than 0"),
+    (MAX_SECONDS, f"less than {MAX_SECONDS:g}"), (2 * MAX_SECONDS, f"less than {MAX_SECONDS:g}"),
+])  # fmt: skip
+def test_a_duration_is_refused_in_words(value: Any, said: str | None) -> None:
+    wanted = [] if said is None else [f"must be {said}"]
+    assert errors_of(Time, {"duration_s": value}) == wanted
+
+
+@pytest.mark.parametrize(("name", "said"), [
+    ("a" * 200, None), ("ä" * 100, None), ("2nd dive, 5 m", None), ("_x", None),
+    ("a" * 201, "must have at most 200 bytes in UTF-8"),
+    ("ä" * 100 + "b", "must have at most 200 bytes in UTF-8"),
+    *((wrong, "must begin with a letter or digit and have no slash or control character")
+      for wrong in ("", " a", "-a", ".a", "a/b", "a\\b", "a\nb", "a\x1fb", "a\x7fb")),
+])  # fmt: skip
+def test_a_name_fits_into_the_name_of_a_folder(name: str, said: str | None) -> None:
+    if said is None:
+        assert load({"name": name}).name == name
+    else:
+        with pytest.raises(ConfigurationError, match=said):
+            load({"name": name})
+
+
+def test_values_are_written_as_toml() -> None:
+    value = {
+        "switch": True, "off": False, "text": 'a "b" ä\x7f\n', "whole": -3, "small": 1e-05,
+        "rows": [(1.0, 2), [3, 4.5]], "none": (), "table": {"a b": "c"},
+    }  # fmt: skip
+    read = tomllib.loads(f"value = {toml(value)}")["value"]
+    assert read == {**value, "rows": [[1.0, 2], [3, 4.5]], "none": []}
+    assert toml(value["rows"]) == "[[1.0, 2], [3, 4.5]]"
+    assert toml("ä") == '"ä"'
+
+
+def test_only_arrays_with_rows_are_written_by_rows() -> None:
+    points = Target.variables["waypoint_m"]
+    assert rows(points, (1, 2, 3, 4, 5, 6)) == [(1, 2, 3), (4, 5, 6)]
+    assert rows(Target.variables["center_m"], (1, 2)) == (1, 2)
+    assert rows(Target.variables["speed_m_s"], 1.5) == 1.5
+    assert rows(None, (1, 2, 3)) == (1, 2, 3)
+
+
+@pytest.mark.parametrize(("part", "whole", "does"), [
+    (0.1, 0.3, True), (0.3, 0.3, True), (0.3, 0.1, False), (0.2, 0.3, False), (1e-9, 1.0, True),
+    (1e-10, 1.0, False), (0.0, 1.0, False), (7.0, 1e6 * 7.0, True),
+])  # fmt: skip
+def test_a_time_divides_another_if_it_does_in_nanoseconds(
+    part: float, whole: float, does: bool
+) -> None:
+    assert divides(part, whole) == does
 
 
 PROFILES = [

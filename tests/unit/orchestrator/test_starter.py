@@ -77,7 +77,39 @@ def test_a_foreign_component_has_examples_of_all_other_keys(name: str) -> None:
     examples = tomllib.loads("\n".join(line for line in lines if re.match(r"\w+ = ", line)))
     assert examples.keys() == TABLES[name].model_fields.keys()
     if name == "receiver":
-        assert examples["type"] in RECEIVERS
+        assert examples["type"] == next(iter(RECEIVERS))
+    assert [*examples][-4:] == ["fmu", "fmi", "interval_s", "parameters"]
+
+
+def test_what_is_in_no_table_comes_first_with_what_it_is_for() -> None:
+    for tables, begin in (
+        ({"seed": 7}, ['title = ""', "seed = 7", "fmi = 2"]),
+        ({"title": "A dive", "fmi": 3}, ['title = "A dive"', "seed = 1", "fmi = 3"]),
+    ):
+        head = starter("mine", tables).split("\n\n")[1].splitlines()
+        assert head[0] == '# name = "mine"  # that of the file; also of the folder of results'
+        assert [line.split("  # ") for line in head[1:]] == [
+            [begin[0], "above tables and figures"], [begin[1], "of all random numbers"],
+            [begin[2], "version of the standard that the components follow: 2 or 3"]]
+        short = starter("mine", tables, short=True).split("\n\n")[1].splitlines()
+        changed = {f"{key} = " for key in tables}
+        assert short == [line for line in head if line.startswith((*changed,))]
+
+
+@pytest.mark.parametrize(("table", "lines"), [
+    ("target", ["# waypoint_m = [[0.0, 10.0, 5.0], [10.0, 10.0, 5.0]]",
+                "# track_time_s = [0.0, 60.0]",
+                "# track_m = [[0.0, 10.0, 5.0], [10.0, 10.0, 5.0]]"]),
+    ("platform", ["# track_m = [[0.0, 10.0], [10.0, 10.0]]", "# track_heading_deg = [0.0, 90.0]",
+                  '# imu_grade = "marine"', "beaufort = 2", '# parameters = {"gain" = 2.0}']),
+    ("acoustics", ["# profile_temperature_C = []", "# fmi = 2"]),
+    ("receiver", ['type = "coupled"', 'acceleration_psd_m2_s3 = "learned"', '# prior = "true"']),
+])  # fmt: skip
+def test_examples_are_rows_where_a_key_has_rows(table: str, lines: list[str]) -> None:
+    section = re.split(r"^\[\w+\]$", starter("mine").partition(f"[{table}]\n")[2], flags=re.M)[0]
+    found = section.splitlines()
+    assert [line for line in lines if line not in found] == []
+    assert max(map(len, found)) <= 98
 
 
 def test_the_points_of_a_boat_are_valid_together() -> None:
