@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import product
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,6 +13,7 @@ import pandas as pd
 import pytest
 import sblcosim
 from sblcosim.analysis.two_level.analysis import analyse
+from sblcosim.errors import ConfigurationError
 from sblcosim.report import paper
 from sblcosim.report import two_level as factorial
 from sblcosim.report.page import PageTable, Text
@@ -424,9 +426,38 @@ def test_campaigns_have_the_seeds_and_the_numbers_of_runs_of_the_report(
                 table.factors[name].label, table.factors[name].unit, table.factors[name].keys)
 
 
-def test_nothing_is_finished_in_a_new_folder(tmp_path: Any) -> None:
+def test_nothing_is_finished_in_a_new_folder(tmp_path: Path) -> None:
     assert paper.progress_of(tmp_path / "none") == (0, 28_530)
     assert paper.progress_of(tmp_path / "none", quick=True) == (0, 3330)
+
+
+def test_a_folder_that_holds_something_else_is_refused(tmp_path: Path) -> None:
+    campaigns.check(tmp_path / "new")
+    ours = tmp_path / "ours"
+    for name in ("runs", "report", ".hidden"):
+        (ours / name).mkdir(parents=True)
+    campaigns.check(ours)
+    (ours / "b.txt").touch()
+    (ours / "a.txt").touch()
+    with pytest.raises(ConfigurationError, match=r"ours: must be empty or hold what 'sblcosim pap"
+                       r"er' wrote, got 'a\.txt' in it$"):  # fmt: skip
+        campaigns.check(ours)
+    with pytest.raises(ConfigurationError, match=r"b\.txt: must be a folder or not exist yet, got"):
+        campaigns.check(ours / "b.txt")
+    results = tmp_path / "other" / "runs" / "favourable-2"
+    (results / "parts").mkdir(parents=True)
+    (results / "runs.parquet").touch()
+    (results / ".hidden").touch()
+    campaigns.check(tmp_path / "other")
+    (results / "mine.csv").touch()
+    with pytest.raises(ConfigurationError, match=r"favourable-2: must be empty or hold results of "
+                       r"this study, got 'mine\.csv' in it$"):  # fmt: skip
+        campaigns.check(tmp_path / "other")
+    page = tmp_path / "page"
+    (page / "report").mkdir(parents=True)
+    (page / "report" / "mine.txt").touch()
+    with pytest.raises(ConfigurationError, match=r"report: must be empty .*got 'mine\.txt' in it"):
+        campaigns.check(page)
 
 
 def test_settings_are_said_in_words() -> None:
@@ -444,7 +475,7 @@ def test_settings_are_said_in_words() -> None:
     )
 
 
-def test_progress_counts_the_runs_of_all_campaigns(tmp_path: Any) -> None:
+def test_progress_counts_the_runs_of_all_campaigns(tmp_path: Path) -> None:
     """Simulations are the first half of the work: 2 of 8 runs are an eighth of all."""
     made = {
         name: study.load({
