@@ -14,14 +14,17 @@ import pytest
 import sblcosim
 from sblcosim.analysis.two_level.analysis import analyse
 from sblcosim.errors import ConfigurationError
-from sblcosim.report import paper
+from sblcosim.fmus.files import HIDDEN
+from sblcosim.report import paper, possible
 from sblcosim.report import two_level as factorial
-from sblcosim.report.page import PageTable, Text
-from sblcosim.report.paper import campaigns, comparisons, numbers, ranges
+from sblcosim.report.page import Code, PageTable, Section, Text
+from sblcosim.report.paper import campaigns, comparisons, figures, numbers, ranges
 from sblcosim.report.paper.figures import FIGURES, Material
 from sblcosim.report.two_level import Findings
 from sblcosim.study import study
+from sblcosim.words.numbers import unbroken
 from scipy import stats
+from seams import Seam
 from synthetic_record import make_record
 
 LABELS = {"gps": "GPS error", "baseline": "baseline", "sampling_time": "sampling time",
@@ -250,18 +253,25 @@ def test_only_interactions_with_the_gps_are_listed_the_largest_first() -> None:
 # --- Words below the figures ---------------------------------------------------------------------
 
 
-def made_up(*, uneven: bool) -> Findings:
-    """A made-up answer of the paper's study; uneven: the scatter grows with the fitted value."""
-    made = study.load("paper-scenario-1").with_replicates(3)
-    runs = pd.concat([made.points.table().assign(replicate=i) for i in (1, 2, 3)],
+def made_runs(made: study.Study, *, uneven: bool) -> pd.DataFrame:
+    """Made-up runs of a study of the paper; uneven: the scatter grows with the fitted value."""
+    runs = pd.concat([made.points.table().assign(replicate=i + 1) for i in range(made.replicates)],
                      ignore_index=True)  # fmt: skip
     coded = {name: np.sign(runs[name] - runs[name].mean()) for name in made.factors}
     y = 6 + 2 * coded["gps"] - coded["baseline"] + 0.8 * coded["gps"] * coded["baseline"]
     y = y + 0.5 * coded["gps"] * coded["range"] - 0.7 * coded["range"] * coded["imu"]
     noise = np.random.default_rng(8).gamma(4, 0.25, len(runs)) - 1
-    runs["ekf.absolute_total_rms_m"] = y + 0.2 * noise * (y if uneven else 6)
+    error = y + 0.2 * noise * (y if uneven else 6)
+    for axis, share in (("total", 1.0), ("x", 0.6), ("y", 0.7), ("z", 0.1)):
+        runs[f"ekf.absolute_{axis}_rms_m"] = share * error
     runs["ekf.lost"], runs["error"] = False, None
-    return factorial.find(made, runs, practical=0.5)
+    return runs
+
+
+def made_up(*, uneven: bool) -> Findings:
+    """The analysis of these runs."""
+    made = study.load("paper-scenario-1").with_replicates(3)
+    return factorial.find(made, made_runs(made, uneven=uneven), practical=0.5)
 
 
 @pytest.fixture(scope="module")
@@ -434,7 +444,8 @@ def test_nothing_is_finished_in_a_new_folder(tmp_path: Path) -> None:
 def test_a_folder_that_holds_something_else_is_refused(tmp_path: Path) -> None:
     campaigns.check(tmp_path / "new")
     ours = tmp_path / "ours"
-    for name in ("runs", "report", ".hidden"):
+    unfinished = f"{HIDDEN}{'0' * 32}"
+    for name in ("runs", "report", unfinished):
         (ours / name).mkdir(parents=True)
     campaigns.check(ours)
     (ours / "b.txt").touch()
@@ -447,7 +458,7 @@ def test_a_folder_that_holds_something_else_is_refused(tmp_path: Path) -> None:
     results = tmp_path / "other" / "runs" / "favourable-2"
     (results / "parts").mkdir(parents=True)
     (results / "runs.parquet").touch()
-    (results / ".hidden").touch()
+    (results / unfinished).touch()
     campaigns.check(tmp_path / "other")
     (results / "mine.csv").touch()
     with pytest.raises(ConfigurationError, match=r"favourable-2: must be empty or hold results of "
@@ -498,8 +509,8 @@ def test_progress_counts_the_runs_of_all_campaigns(tmp_path: Path) -> None:
 # --- The ranges ----------------------------------------------------------------------------------
 
 
-def test_indices_of_the_ranges_are_beside_the_effects(findings: Findings) -> None:
-    space = campaigns.all_campaigns(True)["ranges-1"]
+def of_ranges(space: study.Study) -> pd.DataFrame:
+    """Made-up runs of the ranges of Table 3."""
     assert space.sample is not None
     runs = space.sample.table()
     unit = {name: (runs[name] - runs[name].min()) / np.ptp(runs[name]) for name in space.factors}
@@ -508,7 +519,12 @@ def test_indices_of_the_ranges_are_beside_the_effects(findings: Findings) -> Non
         1.5 * unit["gps"] - 0.8 * unit["baseline"] * unit["gps"] + 0.4 * unit["range"] + chance
     )
     runs["ekf.lost"], runs["error"], runs["replicate"] = False, None, 1
-    analyses = ranges.indices(space, runs)
+    return runs
+
+
+def test_indices_of_the_ranges_are_beside_the_effects(findings: Findings) -> None:
+    space = campaigns.all_campaigns(True)["ranges-1"]
+    analyses = ranges.indices(space, of_ranges(space))
     answer, shown, *notes = ranges.blocks(analyses, findings)
     assert isinstance(answer, Text)
     assert answer.kind == "answer"
@@ -536,3 +552,214 @@ def test_indices_of_the_ranges_are_beside_the_effects(findings: Findings) -> Non
         for cell, of in ((cells[3], "first"), (cells[5], "total")):
             ends = [plain(it) for it in cell.split(" to ")]
             assert ends == pytest.approx([row[f"{of}_low"], row[f"{of}_high"]], rel=0.05, abs=1e-9)
+
+
+# --- The whole page ------------------------------------------------------------------------------
+
+
+DRAWN = ("figure-12a", "figure-12b", "figure-15", "figure-9", "scenario-1-box-cox")
+SVG = '<svg xmlns="http://www.w3.org/2000/svg"><g/></svg>'
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """The report of two sessions and two favourable runs, and of made-up runs of the studies.
+
+    The studies themselves take minutes.
+    """
+    folder = tmp_path_factory.mktemp("whole") / "paper"
+    every: dict[str, pd.DataFrame] = {}
+    told: list[tuple[float, str]] = []
+    short = {"time.duration_s": 5.0}
+
+    def simulate(
+        runs: Path, studies: dict[str, study.Study], workers: Any, tell: Any
+    ) -> dict[str, pd.DataFrame]:
+        for name, own in studies.items():
+            if name.startswith("paper"):
+                every[name] = made_runs(own, uneven=True)
+            elif name.startswith("ranges"):
+                every[name] = of_ranges(own)
+            else:
+                few = study.load(own.with_replicates(2).tables() | {"fixed": short})
+                every[name] = few.run(runs / name, workers=1)
+        return every
+
+    def gather(runs: Path, its: numbers.PaperNumbers) -> Material:
+        session = sblcosim.run("harbour-square", ["ekf", "multilateration"], short)
+        point = sblcosim.run("paper-scenario-1", overrides=short)
+        return Material(its, dict.fromkeys((1, 2, 3), point), session,
+                        dict.fromkeys((2, 4), make_record()))  # fmt: skip
+
+    def draw(material: Material, pool: Any, tell: Any) -> dict[str, str]:
+        assert pool is None
+        return dict.fromkeys(DRAWN, SVG)
+
+    with Seam() as seam:
+        seam.instead(campaigns.simulate, simulate)
+        seam.instead(figures.gather, gather)
+        seam.instead(figures.draw, draw)
+        shown = paper.run(folder, quick=True, practical=0.75, workers=1, command="sblcosim paper x",
+                          progress=lambda *it: told.append(it))  # fmt: skip
+    return {"report": shown, "tables": every, "told": told, "folder": folder}
+
+
+def sections_of(section: Section) -> list[Section]:
+    return [section, *(it for part in section.parts for it in sections_of(part))]
+
+
+def anchored(whole: dict[str, Any]) -> dict[str, Section]:
+    every = [it for part in whole["report"].page.sections for it in sections_of(part)]
+    assert len({it.anchor for it in every}) == len(every)
+    return {it.anchor: it for it in every}
+
+
+def texts(section: Section) -> list[str]:
+    return [it.text.replace("\N{NO-BREAK SPACE}", " ") for it in section.blocks
+            if isinstance(it, Text)]  # fmt: skip
+
+
+def test_the_figures_of_a_scenario_are_in_order_and_the_open_ones_first(
+    whole: dict[str, Any]
+) -> None:
+    page = whole["report"].page
+    assert [it.anchor for it in page.sections][:6] == [
+        "summary", "harbour", "scenario-1", "scenario-2", "scenario-3", "method"
+    ]
+    _, harbour, *scenarios, method, _ = page.sections
+    assert [it.anchor for it in harbour.parts] == ["place-figure-9", "place-figure-11", "table-2"]
+    for n, (section, figures_) in enumerate(
+        zip(scenarios, ((15, 12, 13, 14, 16, 17, 18), (22, 19, 20, 21, 23, 24),
+                        (28, 25, 26, 27, 29, 30)), strict=True), 1
+    ):
+        own = ["place-scenario-1-box-cox"] if n == 1 else []
+        assert [it.anchor for it in section.parts] == [
+            *(f"place-figure-{number}" for number in figures_), *own, f"table-{n + 3}",
+            f"ranges-{n}", f"full-{n}",
+        ]
+        assert [it.beside for it in section.parts][:3] == [True, True, False]
+        assert [it.folded for it in section.parts][:3] == [False, False, True]
+        assert section.title.startswith(f"Scenario {n}: ")
+        assert section.parts[-1].title == f"Scenario {n} in full"
+    assert method.folded
+    assert len({it.title for it in scenarios}) == 3
+
+
+def test_of_an_open_figure_the_first_drawing_is_seen_and_the_others_are_beside_the_words(
+    whole: dict[str, Any]
+) -> None:
+    found = anchored(whole)
+    path = found["place-figure-12"]
+    assert [it.name for it in path.blocks] == ["figure-12a"]
+    (more,) = path.parts
+    assert (more.anchor, more.title, more.folded) == ("words-figure-12", "Beside the paper", True)
+    assert [it.name for it in more.pictures] == ["figure-12b"]
+    assert texts(more)[0] == (
+        "In the paper (section 5.1): reference trajectory from above and in space. Ours has the "
+        "same settings: radius 15 m."
+    )
+    assert not [it for it in more.blocks if isinstance(it, PageTable)]
+    assert [it.name for it in found["place-figure-9"].pictures] == ["figure-9"]
+    session = texts(found["place-figure-11"])
+    assert session[0].endswith(
+        " Ours has the same settings: depth of the receiver 2 m, packet loss 50 %, speed of sound "
+        "1,500 m/s."
+    )
+    assert session[1].startswith("Ours: session 1 of 2, a square.")
+    pareto = found["words-figure-15"]
+    assert texts(pareto)[0] == (
+        "In the paper (section 5.1): Pareto chart. It says: GPS accuracy, baseline length and "
+        "sampling time influence the error most."
+    )
+    assert [it.caption for it in pareto.blocks if isinstance(it, PageTable)] == [
+        "Main effects: factors that the paper names as the most influential, and our effects"
+    ]
+
+
+def test_the_summary_has_the_numbers_of_all_tables(whole: dict[str, Any]) -> None:
+    summary = anchored(whole)["summary"]
+    note, *answers = (it for it in summary.blocks if isinstance(it, Text))
+    assert note.text.startswith("This is a quick look with few replicates.")
+    assert [it.text.partition(". ")[0] for it in answers] == [f"Scenario {n}" for n in (1, 2, 3)]
+    assert {it.kind for it in answers} == {"answer"}
+    report, tables = whole["report"], whole["tables"]
+    for n, it in report.answers.items():
+        assert answers[n - 1].text == unbroken(f"Scenario {n}. {it}")
+    beside, order = (it for it in summary.blocks if isinstance(it, PageTable))
+    rows = iter(beside.rows)
+    column = "ekf.absolute_total_rms_m"
+    for n in (1, 2, 3):
+        theirs = paper.facts()[f"table{n + 3}"]["total"]
+        for words, (mean, low, high) in (
+            ("favourable point", numbers.average(tables[f"favourable-{n}"], column)),
+            ("all 128 points", numbers.overall(tables[f"paper-scenario-{n}"], column)),
+        ):
+            assert next(rows) == comparisons.row_with_interval(
+                f"Table {n + 3}, total error [m]: {words}", theirs, (mean, low, high)
+            )
+    for name in ("square", "spiral", "random"):
+        theirs = paper.facts()["table2"][name]["ekf"]
+        for i, word in enumerate(("mean", "standard deviation")):
+            row = next(rows)
+            assert row[:2] == (f"Table 2, EKF, {name}: {word} [m]", f"{theirs[i]:g}")
+    assert next(rows, None) is None
+    assert "Over all 128 points" in beside.note
+    assert "half of them have a GPS error of 3.5 m." in beside.note
+    assert campaigns.favourable_in_words() in beside.note
+    assert [row[0] for row in order.rows] == ["1", "2", "3"]
+    assert tuple(order.words) == (1, 2, 3)
+
+
+def test_the_rest_of_the_page_says_what_was_done(whole: dict[str, Any]) -> None:
+    page, found = whole["report"].page, anchored(whole)
+    assert page.lead.endswith(
+        "Its three factorial studies, its tables and its figures, beside ours: 1,920 runs of the "
+        "studies with 5 replicates (the paper: 50), and 2 sessions on each of the three paths of "
+        "Table 2."
+    )
+    harbour = texts(found["table-2"])
+    assert campaigns.sessions_in_words() in harbour[0]
+    errors = found["table-5"]
+    assert [it.caption for it in errors.blocks if isinstance(it, PageTable)] == [
+        "Table 5 and the favourable point, mean of 2 runs",
+        "Table 5 and the mean over all 128 points",
+    ]
+    point = possible.of_scenario(sblcosim.load("paper-scenario-2", paper.FAVOURABLE.items()))
+    assert point is not None
+    absolute, relative = possible.cells(point)
+    said = next(it for it in texts(errors) if it.startswith("Possible there"))
+    assert f"a total error of {absolute} m, and {relative} m relative to the platform." in said
+    assert said.endswith(f"density of acceleration, {point.acceleration_psd:.2g} m²/s³.")
+    method = texts(found["method"])
+    assert "all 128 combinations, 5 replicates. The paper writes 2^6 combinations, but its " \
+        "6,400 runs are 50 × 128." in method[0]
+    assert method[-1].endswith("Numbers agree if they differ by at most 10 %.")
+    again = page.sections[-1]
+    commands = [it.text for it in again.blocks if isinstance(it, Code)]
+    assert "sblcosim paper x" in commands[0]
+    assert "sblcosim analyse paper/runs/paper-scenario-1" in commands[0]
+    seeds = next(it for it in texts(again) if "Seeds: " in it)
+    for n, first in ((1, 1), (2, 10_001), (3, 20_001)):
+        assert f"Scenario {n} seeds {first} to {first + 639} (each run has its own)" in seeds
+
+
+def test_the_folder_has_the_tables_and_the_drawings_and_progress_ends(
+    whole: dict[str, Any]
+) -> None:
+    report, folder = whole["report"], whole["folder"] / "report"
+    assert report.report == folder / "report.html"
+    names = {it.name for it in folder.iterdir()}
+    tables = {f"scenario-{n}-{of}.{kind}" for n in (1, 2, 3)
+              for of in ("effects", "anova", "indices") for kind in ("csv", "parquet")}  # fmt: skip
+    assert names == {"report.html", "manifest.json", *tables, *(f"{it}.svg" for it in DRAWN)}
+    effects = pd.read_parquet(folder / "scenario-2-effects.parquet")
+    assert (effects["verdict"] == "matters").any()  # of 0.75 m
+    assert [*report.seconds] == ["simulations", "statistics", "figures", "report"]
+    assert whole["told"] == [
+        *((pytest.approx(0.5 + 0.03 * n), "analysing") for n in (1, 2, 3)), (0.97, "writing"),
+        (1.0, "writing"),
+    ]  # fmt: skip
+    assert repr(report) == f"<PaperReport of 3 scenarios: {report.report}>"
+    for practical in (0.0, -1.0, np.inf, np.nan):
+        with pytest.raises(ConfigurationError, match="practical: must be above 0, got"):
+            paper.run(folder.parent, practical=practical)
