@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from sblcosim.analysis.two_level.power import detectable
+from sblcosim.report import means, points
 from sblcosim.report import two_level as factorial
 from sblcosim.report.page import PageTable, Text
 from sblcosim.report.two_level import Findings
@@ -387,3 +388,138 @@ def test_factors_and_conditions_are_in_the_table_of_factors() -> None:
     assert [row[1] for row in factorial.factor_table(space).rows] == [
         "normal, range 0.5 to 3, mean 1.5, std 0.25", "0.4 / 3"
     ]
+
+
+# --- One factor at a time ------------------------------------------------------------------------
+
+
+def swept(factors: dict[str, Any], replicates: int = 3, **more: Any) -> tuple[Study, pd.DataFrame]:
+    """A sweep of a scenario, and its runs: the larger the level, the larger the error."""
+    kind = "sweep" if factors else "single"
+    made = load({"name": "swept", "scenario": "harbour-square", "replicates": replicates,
+                 "design": {"kind": kind}, "factors": factors, **more})  # fmt: skip
+    runs = pd.concat([made.points.table().assign(replicate=i + 1) for i in range(replicates)],
+                     ignore_index=True)  # fmt: skip
+    size = sum((runs[name] for name in made.factors), start=1.0)
+    runs[Y] = size + np.random.default_rng(3).normal(0, 0.05, len(runs))
+    runs["ekf.lost"], runs["error"] = False, None
+    return made, runs
+
+
+NOISE = {"keys": ["acoustics.range_std_m"], "label": "range error", "levels": [0.5, 0.1, 1.5]}
+ARM = {"keys": ["platform.arm_length_m"], "label": "baseline", "levels": [3.0, 1.0, 6.0]}
+
+
+def test_a_sweep_says_where_each_factor_is_best_and_worst() -> None:
+    made, runs = swept({"noise": NOISE, "arm": ARM})
+    own = (made.base.acoustics.range_std_m, made.base.platform.arm_length_m)
+    assert [*own] == [0.1, 3.0] == [*made.sweep_base]
+    found = means.find(made, runs, Y)
+    at = {
+        (name, level): runs.loc[(runs[name] == level) & (runs[other] == base), Y]
+        for name, levels, other, base in (("noise", (0.1, 0.5, 1.5), "arm", 3.0),
+                                          ("arm", (1.0, 3.0, 6.0), "noise", 0.1))
+        for level in levels
+    }  # fmt: skip
+    assert [*zip(found.table["factor"], found.table["value"], strict=True)] == [*at]
+    low, mid, high = (f"{at['noise', it].mean():.3g}" for it in (0.1, 0.5, 1.5))
+    assert low < mid < high
+    ends_ = [f"{at['arm', it].mean():.3g}" for it in (1.0, 6.0)]
+    assert found.answer == (
+        "Mean RMS total error, one factor at a time: with range error it is lowest, "
+        f"{low} m, at 0.1 m and highest, {high} m, at 1.5 m; with baseline it is lowest, "
+        f"{ends_[0]} m, at 1 m and highest, {ends_[1]} m, at 6 m. This is a sweep and not a "
+        "factorial design, so it has no interactions and no effects to test."
+    )
+    assert found.runs == len(runs) == 15
+    parts = means.parts(found, None)
+    assert (parts.title, parts.heading) == ("What the runs say: swept", "Means at each level")
+    (shown,) = parts.tables
+    assert isinstance(shown, PageTable)
+    assert shown.caption == "RMS total error"
+    assert tuple(shown.head) == ("Factor", "Level", "Runs", "Mean [m]", "95 % interval [m]",
+                                 "Standard deviation [m]")  # fmt: skip
+    assert shown.note == (
+        "These rows share their runs, with all factors at the scenario's own values: range error "
+        "0.1 m, baseline 3 m."
+    )
+    for row, ((name, level), y) in zip(shown.rows, at.items(), strict=True):
+        reach = stats.t.ppf(0.975, 2) * y.std(ddof=1) / np.sqrt(3)
+        assert tuple(row[:4]) == (
+            {"noise": "range error", "arm": "baseline"}[name], f"{level:g} m", "3",
+            f"{y.mean():.4g}",
+        )  # fmt: skip
+        assert ends(row[4]) == pytest.approx([y.mean() - reach, y.mean() + reach], rel=6e-3)
+        assert plain(row[5]) == pytest.approx(y.std(ddof=1), rel=6e-3)
+    (picture,) = parts.pictures
+    assert picture.caption == (
+        "Mean RMS total error at each level. Bars are the intervals of the means."
+    )
+    assert isinstance(parts.method[-1], PageTable)
+    assert isinstance(parts.method[0], Text)
+    assert "at each level, the other factors at the scenario's own values" in parts.method[0].text
+    words = found.text()
+    assert words.startswith(f"{found.answer}\n\n")
+    assert f"{at['noise', 0.5].mean():.4g}" in words
+    assert found.to_json()["runs"] == 18  # the base is in a row of each factor
+    alone, its = swept({"noise": NOISE})
+    (shown,) = means.parts(means.find(alone, its, Y), None).tables
+    assert isinstance(shown, PageTable)
+    assert shown.note == ""
+
+
+def test_without_factors_there_is_one_mean() -> None:
+    made, runs = swept({}, 5, settling_time_s=2.5)
+    runs.loc[2, Y] = np.nan
+    found = means.find(made, runs, Y)
+    y = runs[Y].dropna()
+    reach = stats.t.ppf(0.975, 3) * y.std(ddof=1) / 2
+    assert found.answer == (
+        f"Mean RMS total error {y.mean():.4g} m, {y.mean() - reach:.3g} to {y.mean() + reach:.3g} "
+        "m. The study has no factors, so there are no effects to analyse."
+    )
+    assert found.runs == 4
+    parts = means.parts(found, None)
+    assert (parts.heading, [*parts.pictures]) == ("Mean", [])
+    (shown,) = parts.tables
+    assert isinstance(shown, PageTable)
+    assert (len(shown.rows), len(shown.head)) == (1, 4)
+    assert [it.text for it in parts.method if isinstance(it, Text)][::2] == [
+        "Means over the runs; the intervals are Student's.", "Settling time: 2.5 s."
+    ]
+    assert not [it for it in parts.method if isinstance(it, PageTable)]
+
+
+# --- The points ----------------------------------------------------------------------------------
+
+
+def test_points_have_the_means_of_their_runs_and_shares_with_their_intervals() -> None:
+    made = asked(20, factors={"gps": {"label": "GPS error", "levels": [0.1, 3.5],
+                                      "keys": ["platform.gps_horizontal_std_m"]}})
+    runs = pd.concat([made.points.table().assign(replicate=i + 1) for i in range(20)],
+                     ignore_index=True)  # fmt: skip
+    runs["error"] = [None, *["it gave up"] * 2, *[None] * 37]
+    runs[Y] = 2.0 + runs["gps"] + runs["replicate"] / 100
+    for flag, every in (("inconsistent", 4), ("lost", 5), ("misleading", 3)):
+        runs[f"ekf.{flag}"] = pd.array(runs["replicate"] % every == 0, "boolean")
+    runs.loc[:9, "ekf.misleading"] = pd.NA
+    runs["other.lost"] = pd.NA
+    (shown,) = points.tables(made, runs)
+    assert isinstance(shown, PageTable)
+    assert shown.head == ("Point", "GPS error", "Runs", "ekf: mean RMS [m]", "ekf: inconsistent",
+                          "ekf: lost", "ekf: misleading")  # fmt: skip
+    good = runs[runs["error"].isna()]
+    for row, point, gps in zip(shown.rows, (1, 2), (0.1, 3.5), strict=True):
+        mine = good[good["point"] == point]
+        assert tuple(row[:3]) == (f"{point}", f"{gps:g} m", f"{len(mine)}") == (
+            f"{point}", f"{gps:g} m", "19")
+        assert row[3] == f"{mine[Y].mean():.3g}"
+        shares = [100 * mine[f"ekf.{of}"].mean() for of in ("inconsistent", "lost", "misleading")]
+        assert list(row[4:6]) == [f"{it:.1f} %" for it in shares[:2]]
+        known = mine["ekf.misleading"].dropna()
+        exact = stats.binomtest(int(known.sum()), len(known)).proportion_ci(0.95, "exact")
+        assert len(known) == 15
+        assert row[6] == (f"{shares[2]:.1f} % ({np.floor(100 * exact.low):.0f}–"
+                          f"{np.ceil(100 * exact.high):.0f})")  # fmt: skip
+    assert points.tables(made, runs.assign(error="it gave up")) == []
+    assert points.tables(made, runs[["point", "error", "gps", "other.lost"]]) == []
