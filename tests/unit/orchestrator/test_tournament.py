@@ -1114,6 +1114,74 @@ def test_a_difference_far_beyond_the_others_is_at_the_edge(gap: float, beyond: b
     assert not ax.texts
 
 
+def a_panel(place: str, spread: list[list[float]], differences: list[list[float]]) -> Any:
+    """The first of these receivers is the best one; the others are worse."""
+    names = tuple("abcdef"[: len(spread)])
+    return tournament_figures.Panel(
+        place, names, np.array(spread), np.array(differences).reshape(-1, 3),
+        ("worse",) * len(differences),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("most", "scale"), [(99.0, "linear"), (100.0, "linear"), (101.0, "log")])
+@pytest.mark.parametrize("least", [2.0, 0.0])
+def test_runs_that_differ_by_more_than_fifty_times_have_a_logarithmic_axis(
+    most: float, scale: str, least: float
+) -> None:
+    """The 5th to the 95th percentile of all receivers; one of 0 has no place on such an axis."""
+    panel = a_panel("x", [[least, 2.0, 3.0, 4.0, 2.5], [3.0, 4.0, 50.0, most, 5.0]],
+                    [[1.0, 0.5, 2.0]])  # fmt: skip
+    left, right = tournament_figures.plot_tournament([panel], "RMS", "m")
+    assert left.get_xscale() == scale
+    assert right.get_xscale() == "linear"
+    if scale == "linear":
+        assert left.get_xlim()[0] == 0
+    assert left.get_xlabel() == "RMS [m], 5 to 95 % of runs"
+
+
+def test_each_receiver_has_a_row_of_the_same_height_and_a_median() -> None:
+    spread = [[1.0, 1.2, 1.6, 2.0, 1.5], [2.0, 2.1, 2.5, 3.0, 2.2], [3.0, 3.5, 4.0, 6.0, 3.75]]
+    both = [
+        a_panel("x", spread, [[0.7, 0.5, 0.9], [2.2, 2.0, 2.5]]),
+        a_panel("y", spread[:2], [[0.8, np.nan, np.nan]]),
+    ]
+    axes = tournament_figures.plot_tournament(both, "RMS", "", 0.25)
+    figure = axes[0].figure
+    assert figure.get_size_inches() == pytest.approx((7.2, 1.0 + 2 * 0.75 + 0.27 * 5))
+    assert [ax.get_ylim() for ax in axes] == [(2.5, -0.5)] * 2 + [(1.5, -0.5)] * 2
+    assert [[text.get_text() for text in ax.get_yticklabels()] for ax in axes[::2]] == [
+        ["a", "b", "c"], ["a", "b"]
+    ]
+    dots = [line for line in axes[0].lines if line.get_marker() == "o"]
+    assert [dot.get_xydata().tolist() for dot in dots] == [
+        [[row[4], y]] for y, row in enumerate(spread)
+    ]
+    look = style.THEMES["light"]
+    assert {(dot.get_markersize(), dot.get_markeredgewidth(), dot.get_markerfacecolor(),
+             dot.get_markeredgecolor()) for dot in dots} == {(5.0, 1.2, look.paper, look.ink)}
+    bars = [line for line in axes[1].lines if len(line.get_xdata()) == 2][1:]
+    assert [bar.get_xydata().tolist() for bar in bars] == [
+        [[0.5, 1], [0.9, 1]], [[2.0, 2], [2.5, 2]]
+    ]
+    assert {bar.get_linewidth() for bar in bars} == {1.6}
+    marks = [line for ax in axes[1::2] for line in ax.lines if line.get_marker() == "s"]
+    assert [mark.get_xydata().tolist() for mark in marks] == [[[0.7, 1]], [[2.2, 2]], [[0.8, 1]]]
+    assert {mark.get_markersize() for mark in marks} == {5.5}
+    assert [ax.get_xlabel().replace("\n", " ") for ax in axes[1::2]] == [
+        "median difference from a, 95 % all at once", "median difference from a"
+    ]
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == [
+        "circle: median of the runs", "thick bar: middle half of the runs",
+        "thin line: 5 to 95 % of the runs", "worse than the best",
+        "bar: 95 % interval of the difference", "like the best; right of it: worse",
+        "grey: within ±0.25, does not matter",
+    ]  # fmt: skip
+    alone = tournament_figures.plot_tournament([a_panel("x", spread[:1], [])], "RMS", "m")
+    assert len(alone) == 1
+    assert len(alone[0].figure.legends[0].get_texts()) == 3
+
+
 # The same under two names ------------------------------------------------------------------------
 
 
