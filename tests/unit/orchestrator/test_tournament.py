@@ -1182,6 +1182,27 @@ def test_each_receiver_has_a_row_of_the_same_height_and_a_median() -> None:
     assert len(alone[0].figure.legends[0].get_texts()) == 3
 
 
+def test_a_mark_is_filled_where_it_is_sure_who_is_better() -> None:
+    verdicts_ = ("worse", "undecided", "equal", "better")
+    panel = replace(
+        a_panel("x", [[1.0, 1.2, 1.6, 2.0, 1.5]] * 5, [[0.5, 0.4, 0.6]] * 4), verdicts=verdicts_
+    )
+    ax = tournament_figures.plot_tournament([panel], "RMS", "m")[1]
+    look = style.THEMES["light"]
+    marks = [line for line in ax.lines if line.get_marker() not in ("None", None)]
+    drawn = [(it.get_marker(), it.get_color(), it.get_markerfacecolor()) for it in marks]
+    assert drawn == [
+        ("s", look.receivers[0], look.receivers[0]), ("o", look.soft, look.paper),
+        ("D", look.receivers[1], look.paper), ("^", look.receivers[2], look.receivers[2]),
+    ]  # fmt: skip
+    (legend,) = ax.figure.legends
+    texts = [text.get_text() for text in legend.get_texts()]
+    told = ("worse than the best", "undecided", "equal for practical purposes", "better here")
+    handles = [legend.legend_handles[texts.index(words)] for words in told]
+    keys = [(it.get_marker(), it.get_color(), it.get_markerfacecolor()) for it in handles]
+    assert keys == drawn
+
+
 # The same under two names ------------------------------------------------------------------------
 
 
