@@ -312,3 +312,95 @@ def test_a_level_counts_what_has_failed() -> None:
     assert (found.runs, found.failed, found.mean, found.least, found.most) == (4, 2, 2.0, 1.0, 3.0)
     assert isnan(found.low)
     assert level(np.full(3, nan)).failed == 3
+
+
+def test_a_level_has_the_statistics_of_the_runs_that_have_not_failed() -> None:
+    """Of 41 runs, of which one has failed: the worst two are the tail, the 39th is the 95th %."""
+    y = np.random.default_rng(12).permutation(np.r_[np.arange(38.0), 60.0, 90.0])
+    found = level(np.r_[y[:7], nan, y[7:]])
+    assert (found.runs, found.failed, found.least, found.most) == (41, 1, 0.0, 90.0)
+    assert found.mean == pytest.approx((sum(range(38)) + 150) / 40)
+    assert found.median == 19.5
+    assert found.std == pytest.approx(np.sqrt(((y - y.mean()) ** 2).sum() / 39))
+    assert (found.within, found.within_upper) == (60.0, inf)
+    worst = (60 - 19.5) ** 2 + (90 - 19.5) ** 2
+    assert found.tail == pytest.approx(worst / ((y - 19.5) ** 2).sum())
+    assert (found.tail_runs, found.heavy) == (2, False)
+    assert level(np.r_[y[:7], nan, nan, nan, y[7:]]).within == inf  # 41st of 43
+    told = level(np.r_[y, y, y, y])
+    assert told.within == 37.0  # the 152nd of 160
+    assert told.low < told.mean < told.high
+
+
+@pytest.mark.parametrize(("runs", "known"), [(19, False), (20, True), (21, True)])
+def test_a_tail_takes_20_runs(runs: int, known: bool) -> None:
+    y = np.r_[np.zeros(runs - 2), 3.0, 4.0]
+    found = level(y)
+    assert found.tail_runs == (2 if runs > 20 else 1)
+    if known:
+        assert found.tail == pytest.approx(1.0 if runs > 20 else 16 / 25)
+        assert found.heavy == (runs > 20)
+    else:
+        assert isnan(found.tail)
+    flags = level(np.r_[np.zeros(runs - 1), 1.0])
+    assert isnan(flags.tail)  # of what is or is not, no few runs make the mean
+    assert isnan(level(np.full(runs, 3.0)).tail)
+    alone = level(np.array([3.0]))
+    assert isnan(alone.std)
+    assert (alone.mean, alone.median, alone.tail_runs) == (3.0, 3.0, 1)
+
+
+@pytest.mark.parametrize(("runs", "is_known"), [(71, False), (72, True)])
+def test_a_mean_has_an_interval_from_as_many_runs_as_show_a_bad_one(
+    runs: int, is_known: bool
+) -> None:
+    """(1 - 0.05)^n is 0.025 at most from 72 runs on; of a quarter of bad runs, from 13 on."""
+    assert (0.95**runs <= 0.025) == is_known
+    y = np.random.default_rng(13).normal(5.0, 1.0, runs)
+    found = level(y)
+    assert (not isnan(found.low)) == is_known == (not isnan(found.high))
+    for some, known in ((12, False), (13, True)):
+        assert (0.75**some <= 0.025) == known
+        assert (not isnan(level(y[:some], 0.25).low)) == known
+
+
+@pytest.mark.parametrize("comparisons", [1, 6])
+@pytest.mark.parametrize(("wins", "losses", "equal"), [(60, 40, 0), (33, 47, 40), (12, 9, 3)])
+def test_with_the_runs_that_are_needed_five_of_six_comparisons_decide(
+    wins: int, losses: int, equal: int, comparisons: int
+) -> None:
+    """By the exact power of the sign test at the share of the runs that differ."""
+    d = np.r_[-np.ones(wins), np.ones(losses), np.zeros(equal)]
+    found = difference(d, np.zeros(len(d)), comparisons)
+    assert found.verdict == "undecided"
+    assert found.runs_needed is not None
+    told = round(found.runs_needed * (wins + losses) / len(d))
+    numbers = np.arange(told + 1)
+    decides = stats.binom.cdf(told - numbers, told, 0.5) <= 0.05 / (2 * comparisons)
+    share = max(wins, losses) / (wins + losses)
+    assert stats.binom.pmf(numbers, told, share)[decides].sum() == pytest.approx(5 / 6, abs=0.03)
+
+
+@pytest.mark.parametrize("middle", [0.0, 0.03, -0.05])
+@pytest.mark.parametrize("comparisons", [1, 4])
+def test_with_the_runs_that_are_needed_the_median_is_within_what_is_practical(
+    middle: float, comparisons: int
+) -> None:
+    """The median of n normal values has the standard deviation sqrt(pi / 2 n)."""
+    d = stats.norm.ppf((np.arange(400) + 0.5) / 400)
+    d += middle - np.median(d)
+    practical = 0.12
+    found = difference(d, np.zeros(400), comparisons, practical)
+    assert found.verdict == "undecided"
+    assert found.runs_needed is not None
+    sides = stats.norm.isf(0.05 / (2 * comparisons) / 4) + stats.norm.ppf(5 / 6)
+    expected = np.pi / 2 * (sides / (practical - abs(middle))) ** 2
+    assert found.runs_needed == pytest.approx(expected, rel=0.15)
+
+
+@pytest.mark.parametrize(("number", "said"), [
+    (0.4, 1), (1.0, 1), (9.2, 10), (10.0, 10), (10.1, 11), (99.0, 99), (100.0, 100), (101.0, 110),
+    (1000.0, 1000), (1001.0, 1100), (123_456.0, 130_000),
+])  # fmt: skip
+def test_a_number_of_runs_has_two_digits_and_is_not_too_small(number: float, said: int) -> None:
+    assert rounded_up(number) == said

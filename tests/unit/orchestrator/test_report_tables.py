@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -438,6 +439,10 @@ def test_designs_of_an_answer(tmp_path: Path) -> None:
                          "the response itself"),
     (0.0, (0.5, 0.5), "interval 0.5 to 0.5; its logarithm suits the model better than the response "
                       "itself"),
+    (0.5, (0.0, 0.5), "interval 0 to 0.5; its logarithm would suit the model"),
+    (1.0, (1.0, 1.5), "interval 1 to 1.5; the response suits the model as it is"),
+    (0.5, (0.5, 0.5), "interval 0.5 to 0.5; the response itself suits the model better than its "
+                      "logarithm"),
     (1.5, (1.5, 2.0), "interval 1.5 to 2 or above; the response itself suits the model better than "
                       "its logarithm"),
 ])  # fmt: skip
@@ -451,3 +456,43 @@ def test_the_advice_on_a_power_follows_from_its_interval(
     })
     said = box_cox_sentence(profile).replace("\N{NO-BREAK SPACE}", " ").replace("−", "-")
     assert said == f"Box–Cox: λ = {best:.2g}, {words}."
+
+
+@pytest.mark.parametrize(("kind", "title", "points"), [
+    ("full", "Which factor matters: full", 4), ("grid", "Which level is best: grid", 6),
+    ("sweep", "What the runs say: sweep", 6), ("single", "What the runs say: single", 1),
+])  # fmt: skip
+def test_a_page_says_what_failed_and_how_to_see_the_worst_run(
+    report: Callable[..., Report], kind: str, title: str, points: int
+) -> None:
+    _, folder, runs = report(kind, **({"practical": 0.2} if kind == "full" else {}))
+    document = html5lib.parse((folder / reports.REPORT).read_text("utf-8"))
+    words = _text(document)
+    counted = f"{points} point{'s' * (points > 1)}"
+    good = runs["error"].isna().sum()
+    assert good == len(runs) - 2 == 7 * points - 2
+    assert f"{good} runs at {counted}; 2 of them failed." in words
+    assert title in words
+    column = "ekf.absolute_total_rms_m"
+    worst = runs.loc[runs[column].idxmax()]
+    assert (
+        f"The largest value is {worst[column]:#.3g} m, in the run with seed {worst['seed']} at "
+        f"point {worst['point']}. This command repeats the run"
+    ) in words
+    results, run = folder.parent / "runs", worst["run_id"]
+    commands = ["".join(code.itertext()) for code in document.iter(f"{H}code")]
+    assert f"sblcosim replay {results} {run} --replay" in commands
+    assert f"sblcosim explore runs/{run}/scenario.toml" in commands
+    (again,) = (it for it in commands if it.startswith("sblcosim study"))
+    assert again == f"sblcosim study {kind}.toml --out {results}\nsblcosim analyse {results}"
+    (file,) = (it for it in commands if "[design]" in it)
+    one, other = load(tomllib.loads(file)), load(folder.parent / f"{kind}.toml")
+    assert (one.points, one.replicates, one.name) == (other.points, other.replicates, kind)
+    assert one.base.given() == other.base.given()
+    assert [one.overrides(i + 1) for i in range(points)] == [
+        other.overrides(i + 1) for i in range(points)
+    ]
+    seeds = f"seeds 1 to {7 * points} (each run has its own)"
+    assert f"{counted}, 7 replicates; {seeds}." in words
+    confidence = " The intervals and the reference line have a confidence of 0.95."
+    assert f"Settling time: 0 s.{confidence * (kind == 'full')}" in words

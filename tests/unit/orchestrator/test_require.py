@@ -20,6 +20,7 @@ import pandas as pd
 import pytest
 import sblcosim
 from matplotlib.collections import LineCollection
+from matplotlib.colors import to_hex
 from sblcosim import require, style
 from sblcosim.analysis.advice.costs import of_levels
 from sblcosim.errors import ConfigurationError
@@ -776,6 +777,92 @@ def test_values_that_differ_by_more_than_five_times_have_a_logarithmic_axis(
         assert plot_front(found).get_yscale() == scale
     none = replace(answer, designs=answer.designs.assign(estimate=[0.0, *values[1:]]))
     assert plot_front(none).get_yscale() == "linear"
+
+
+@pytest.mark.parametrize(("plot", "width"), [(plot_front, 6.4), (plot_narrow, 3.7)])
+def test_each_design_has_the_look_of_its_verdict(plot: Any, width: float) -> None:
+    """Those that suffice or are named are large; the answer has a ring."""
+    verdicts = ["fails", "undecided", "suffices", "fails", "suffices", "undecided"]
+    estimate, inf = [3.5, 1.2, 0.9, 2.5, 0.75, 1.05], float("inf")
+    answer = at(
+        pretended(require.load(QUESTION), dict.fromkeys(range(6), 0.99)), estimate=estimate,
+        verdict=verdicts, runs=[96] * 6, lower=[3.0, 0.8, -inf, 2.25, -inf, 0.6],
+        upper=[inf, 1.7, 0.97, inf, 0.8, 1.3],
+    )  # fmt: skip
+    answer = replace(answer, chosen=2, cheaper=1)
+    ax = plot(answer)
+    look = style.THEMES["light"]
+    costs = answer.designs["cost"].tolist()
+    assert costs == [30, 80, 110, 160, 510, 560]
+    named, inked = {1, 2}, {"fails": ("X", 0), "undecided": ("D", 3), "suffices": ("o", 2)}
+    seen = {}
+    for line in ax.lines:
+        if line.get_marker() in "XDo" and line.get_markerfacecolor() != "none":
+            for x, y in line.get_xydata():
+                seen[x, y] = (line.get_marker(), line.get_color(), line.get_markersize(),
+                              line.get_markeredgewidth())
+    assert seen == {
+        (cost, value): (inked[verdict][0], look.receivers[inked[verdict][1]],
+                        6.0 if row in named or verdict == "suffices" else 3.5, 0)
+        for row, (cost, value, verdict) in enumerate(zip(costs, estimate, verdicts, strict=True))
+    }
+    widths = {
+        segment[0, 0]: (bars.get_linewidth()[0], to_hex(bars.get_color()[0]))
+        for bars in ax.collections if isinstance(bars, LineCollection)
+        for segment in bars.get_segments()
+    }  # fmt: skip
+    assert widths == {
+        cost: (1.2 if row in named or verdict == "suffices" else 0.5,
+               look.receivers[inked[verdict][1]].lower())
+        for row, (cost, verdict) in enumerate(zip(costs, verdicts, strict=True))
+    }
+    (ring,) = (line for line in ax.lines if line.get_markerfacecolor() == "none")
+    assert ring.get_xydata().tolist() == [[110, 0.9]]
+    assert (ring.get_markersize(), ring.get_markeredgewidth()) == (12, 1.4)
+    assert (ring.get_markeredgecolor(), ring.get_clip_on()) == (look.ink, False)
+    (front,) = (line for line in ax.lines if line.get_drawstyle() == "steps-post")
+    better = [0, 1, 2, 4]
+    assert front.get_xydata().tolist() == [[costs[row], estimate[row]] for row in better]
+    (limit,) = (line for line in ax.lines if line.get_label() == "limit: 1 m")
+    assert {*limit.get_ydata()} == {1.0}
+    assert (limit.get_color(), limit.get_linewidth()) == (look.ink, 1.2)
+    assert ax.get_ylim()[0] == 0
+    assert ax.get_xlabel() == "Cost [€]"
+    assert ax.get_ylabel() == "RMS total error:\n90 % of the runs are within [m]"
+    (legend,) = ax.figure.legends
+    assert sorted(text.get_text() for text in legend.get_texts()) == [
+        "bar: to the sure bounds", "fails (2)", "limit: 1 m", "no other is cheaper and better",
+        "suffices (2)", "undecided (2)",
+    ]  # fmt: skip
+    left, right = ax.get_xlim()
+    assert (30 - left, right - 560) == pytest.approx((0.06 * 530,) * 2)
+    assert [text.get_text() for text in ax.texts] == ["A", "B"]
+    key = ax.figure.texts
+    made, height = ax.figure.get_size_inches()
+    assert made == pytest.approx(width)
+    above = legend.get_window_extent().height / ax.figure.dpi
+    assert height == pytest.approx(4.2 + 0.2 + above + 0.165 * (len(key) + 0.6), abs=0.01)
+    ups = [text.get_position()[1] * height for text in key]
+    assert ups == pytest.approx([0.165 * (len(key) + 0.3 - row) for row in range(len(key))])
+    assert [text.get_position()[0] * width for text in key] == pytest.approx([0.08] * len(key))
+    longest = 48 if plot is plot_narrow else 88
+    assert max(len(text.get_text()) for text in key) <= longest
+    assert ("     " in key[1].get_text()[:5]) == (plot is plot_narrow)
+
+
+def test_without_costs_the_places_are_those_of_the_accuracy() -> None:
+    tables = {n: {k: v for k, v in t.items() if k != "costs"}
+              for n, t in QUESTION["choices"].items()}  # fmt: skip
+    made = pretended(require.load(changed(choices=tables)), dict.fromkeys(range(6), 0.5))
+    estimate = [1.5, 1.2, np.nan, 2.5, 1.2, 1.1]
+    ax = plot_front(at(made, estimate=estimate, runs=[96, 96, 0, 96, 96, 96]))
+    drawn = sorted(
+        (x, y) for line in ax.lines if line.get_marker() in "XDo"
+        and line.get_markerfacecolor() != "none" for x, y in line.get_xydata()
+    )  # fmt: skip
+    assert drawn == [(1, 1.1), (2, 1.2), (3, 1.2), (4, 1.5), (5, 2.5)]
+    assert not ax.get_xticks().size
+    assert not [line for line in ax.lines if line.get_drawstyle() == "steps-post"]
 
 
 def test_the_front_names_the_answer_and_the_next_cheaper_alone() -> None:

@@ -335,6 +335,15 @@ def test_the_sample_of_before_is_drawn_as_it_was() -> None:
         sample(FACTORS, 64, 7, 3)  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize("version", [1, 2])
+def test_values_are_taken_in_the_middle_of_the_cells_of_the_sequence(version: int) -> None:
+    """Of 2**30 cells: no value is 0 or 1, where a distribution may be infinite."""
+    factors = [DrawnFactor(f"x{i}", distribution_of("uniform", range=[0, 1])) for i in range(3)]
+    u = sample(factors, 128, 5, version).values.to_numpy()  # type: ignore[arg-type]
+    assert np.unique(2.0**30 * u % 1.0).tolist() == [0.5]
+    assert 0 < u.min() < u.max() < 1
+
+
 def test_a_sample_is_more_even_than_independent_points() -> None:
     for n in (64, 1024):
         u = sample([DrawnFactor("x", distribution_of("uniform", range=[0, 1]))], n).values["x"]

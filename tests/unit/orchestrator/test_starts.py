@@ -21,10 +21,13 @@ from sblcosim.comparison.tournament import starts
 from sblcosim.comparison.tournament.run import evaluate
 from sblcosim.fmus.build.factory import build
 from sblcosim.judge.consistency import of_runs
-from sblcosim.judge.definitions import MANY_LOST
+from sblcosim.judge.definitions import LOST, MANY_LOST, MISLEADING
 from sblcosim.models import RECEIVERS
 from sblcosim.scenario import starts as starts_of
 from sblcosim.scenario.scenario import shipped
+from sblcosim.study import parts
+from sblcosim.study.study import load as load_study
+from seams import Seam
 from typer.testing import CliRunner
 
 SHORT = {"time.duration_s": 4.0}
@@ -282,3 +285,107 @@ def test_a_study_says_so_too(lost: float, counts: dict[str, int], said: str) -> 
     study: Any = SimpleNamespace(receivers={"ekf": receiver}, finished=9, failed=0, failure=None)
     first = next(iter(contents.study_lines(study, False)))
     assert first.startswith(f"ekf: 3.0 m RMS over all runs{said}")
+
+
+POINTS: dict[str, Any] = {"points": 20, "optimistic": 0, "pessimistic": 0, "in_band": 20,
+                          "untold": 0, "words": "covariance: words"}  # fmt: skip
+
+
+def a_study(
+    covariance: dict[str, Any] | None = None, failure: str | None = None, **known: Any
+) -> Any:
+    """The document of a study of 123 runs with one receiver."""
+    both = {} if covariance is None else {"absolute": SimpleNamespace(**POINTS | covariance)}
+    receiver = SimpleNamespace(**{"lost": 0.0, "misleading": 0.0, "rms_m": 3.0, "inconsistent": 0.2,
+                                  "covariances": both, **known})  # fmt: skip
+    return SimpleNamespace(receivers={"ekf": receiver}, finished=123, failed=4, failure=failure)
+
+
+@pytest.mark.parametrize(("counts", "said"), [
+    (None, "no covariance"),
+    ({}, "its covariance is in band at 20 of 20 points"),
+    ({"optimistic": 1, "in_band": 19}, "its covariance is in band at 19 of 20 points"),
+    ({"optimistic": 2, "in_band": 18}, "do not trust its covariance: optimistic at 2 of 20 points"),
+    ({"pessimistic": 1, "in_band": 19}, "its covariance is in band at 19 of 20 points"),
+    ({"pessimistic": 2, "in_band": 17, "untold": 1},
+     "its covariance is pessimistic at 2 of 20 points"),
+    ({"pessimistic": 9, "optimistic": 2}, "do not trust its covariance: optimistic at 2 of 20 "
+     "points"),
+    ({"untold": 20, "in_band": 0}, "too few runs to tell whether its covariance is right"),
+    ({"untold": 19, "in_band": 1}, "its covariance is in band at 1 of 20 points"),
+    ({"points": 1, "optimistic": 1, "in_band": 0}, "do not trust its covariance: optimistic"),
+    ({"points": 1, "in_band": 1}, "its covariance is in band"),
+])  # fmt: skip
+def test_one_point_in_twenty_leaves_the_band_by_chance(
+    counts: dict[str, int] | None, said: str
+) -> None:
+    lines = [*contents.study_lines(a_study(counts), False)]
+    assert lines == [f"ekf: 3.0 m RMS over all runs; {said}", "123 runs, 4 failed"]
+
+
+def test_a_study_says_what_is_lost_and_misleading_and_what_failed_first() -> None:
+    lost = a_study({"untold": 20}, lost=0.05, misleading=0.034, failure="ab12: it gave up")
+    first = "ekf: 3.0 m RMS over all runs, 5 % lost, 3.4 % misleading; too few runs to tell " \
+        "whether its covariance is right"
+    last = ["123 runs, 4 failed", "  e.g. ab12: it gave up"]
+    assert [*contents.study_lines(lost, False)] == [first, LOST, MISLEADING, *last]
+    verbose = [first, "  20 % of its runs inconsistent", "  covariance: words"]
+    assert [*contents.study_lines(lost, True)] == [*verbose, LOST, MISLEADING, *last]
+    plain = a_study({}, rms_m=None, inconsistent=None, misleading=None, lost=None)
+    first = "ekf: – RMS over all runs; its covariance is in band at 20 of 20 points"
+    assert [*contents.study_lines(plain, False)] == [first, last[0]]
+    assert [*contents.study_lines(plain, True)] == [
+        first, "  covariance: words", LOST, MISLEADING, last[0]
+    ]
+    for known, line in (({"lost": 0.2}, LOST), ({"misleading": 0.2}, MISLEADING)):
+        (said,) = [*contents.study_lines(a_study({}, **known), False)][1:-1]
+        assert said == line
+
+
+def test_a_study_that_was_run_is_told_by_the_runs_of_its_replicates(seam: Seam) -> None:
+    """More replicates may be in the folder; a receiver that always failed is left out."""
+    made = load_study({
+        "name": "x", "scenario": "harbour-square", "replicates": 3,
+        "factors": {"noise": {"keys": ["acoustics.range_std_m"], "levels": [0.1, 0.5]}},
+    })  # fmt: skip
+    runs = pd.DataFrame([(point, i) for point in (1, 2) for i in (1, 2, 3, 4, 5)],
+                        columns=["point", "replicate"])  # fmt: skip
+    counted = runs["replicate"] <= 3
+    runs["run_id"] = [f"id{row}" for row in range(10)]
+    runs["error"] = None
+    runs.loc[[2, 4, 6], "error"] = ["third: bad", "fifth: bad", "seventh: bad"]
+    gone = runs["error"].notna()
+    for name, scale in (("ekf", 2.0), ("coupled", 0.7), ("never", np.nan)):
+        runs[f"{name}.absolute_total_rms_m"] = scale * (1.0 + runs.index) / ~gone
+        runs.loc[gone, f"{name}.absolute_total_rms_m"] = np.nan
+        runs[f"{name}.nees_position"] = scale * (3.0 + 0.1 * runs.index)
+        for flag, every in (("inconsistent", 2), ("lost", 3), ("misleading", 5)):
+            flags = pd.array(runs.index % every == 0, "boolean")
+            flags[gone] = pd.NA
+            runs[f"{name}.{flag}"] = flags
+    runs["coupled.own_relative_nees_position"] = 30.0 + runs.index
+    del runs["ekf.misleading"]  # an earlier version had none
+
+    def table(there: Any, wanted: Any = lambda names: names) -> pd.DataFrame:
+        return runs[wanted([*runs])].copy()
+
+    seam.instead(parts.table, table)
+    told = contents.carried_out(made, Path("out"), None)  # type: ignore[arg-type]
+    assert (told.folder, told.points, told.replicates, told.runs) == ("out", 2, 3, 6)
+    assert (told.finished, told.failed, told.failure) == (6, 2, "id2: third: bad")
+    assert [*told.receivers] == ["ekf", "coupled"]
+    for name, receiver in told.receivers.items():
+        mine = runs[counted & ~gone]
+        square = mine[f"{name}.absolute_total_rms_m"] ** 2
+        assert receiver.rms_m == pytest.approx(np.sqrt(square.mean()))
+        assert receiver.lost == pytest.approx(mine[f"{name}.lost"].astype(float).mean())
+        share = mine[f"{name}.inconsistent"].astype(float).mean()
+        assert receiver.inconsistent == pytest.approx(share)
+    assert told.receivers["ekf"].misleading is None
+    assert told.receivers["coupled"].misleading == pytest.approx(2 / 4)
+    assert [*told.receivers["ekf"].covariances] == ["absolute"]
+    own = told.receivers["coupled"].covariances
+    assert [*own] == ["absolute", "own_relative"]
+    assert own["absolute"].words.startswith("covariance: ")
+    assert own["own_relative"].words.startswith("covariance relative to the platform: optimistic")
+    assert own["own_relative"].optimistic == own["own_relative"].points == 2

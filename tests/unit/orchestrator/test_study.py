@@ -623,6 +623,41 @@ def test_runs_of_some_steps_are_kept_together(seam: Seam) -> None:
     assert runner.kept_together(made, How(workers=4)) == 4 * runner.SIDE_BY_SIDE
 
 
+def test_a_part_has_the_runs_of_a_batch_and_progress_counts_them(
+    tmp_path: Path, seam: Seam
+) -> None:
+    """Three points and batches of eight runs: three whole replicates at a time, in two parts."""
+    seam.tuned(batch=8)
+    noise = {"keys": ["acoustics.range_std_m"], "levels": [0.1, 0.2, 0.4]}
+    made = small(replicates=10, design={"kind": "grid"}, factors={"noise": noise},
+                 fixed={"time.duration_s": 2.0})  # fmt: skip
+    shares: list[float] = []
+    table = made.run(tmp_path / "out", workers=1, progress=shares.append)
+    assert table["noise"].tolist() == [0.1, 0.2, 0.4] * 10
+    parts = sorted((tmp_path / "out" / "parts").glob("*.parquet"))
+    assert [int(part.name[:6]) for part in parts] == [1, 3, 4, 6, 7, 9, 10]
+    assert [len(pd.read_parquet(part)) for part in parts] == [8, 1, 8, 1, 8, 1, 3]
+    for alone in (False, True):
+        if alone:
+            shares.clear()
+            runner.simulated(made, How(workers=1, progress=shares.append))
+        assert shares == sorted(shares)
+        for done in (8, 9, 17, 18, 26, 27, 30):
+            assert min(abs(share - done / 30) for share in shares) < 1e-9, (alone, done)
+    for part in (parts[1], parts[-1]):  # the third point of replicate 3, and replicate 10
+        part.unlink()
+    prepared = campaign.prepare(made)
+    left = runner.missing(prepared, tmp_path / "out")
+    assert (left.runs, left.steps, left.by_point) == (4, 4 * 20, (1, 1, 2))
+    has = [[left.has(campaign.run_of(prepared, place, replicate)) for place in range(3)]
+           for replicate in (2, 3, 10)]  # fmt: skip
+    assert has == [[True] * 3, [True, True, False], [False] * 3]
+    assert left.has_all(1, 3)
+    assert not left.has_all(1, 4)
+    assert left.has_all(4, 10)
+    assert not left.has_all(4, 11)
+
+
 def test_a_single_study_is_the_scenario_again_and_again(tmp_path: Path) -> None:
     alone = study.load(
         {"scenario": "paper-scenario-1", "fixed": {"time": {"duration_s": 5.0}},

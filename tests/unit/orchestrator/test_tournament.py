@@ -845,6 +845,364 @@ def test_a_covariance_that_is_not_judged_is_told_from_one_that_is_unknown(
         ["a"], ["b"])) == 2  # fmt: skip
 
 
+# The whole text ----------------------------------------------------------------------------------
+
+
+def table_after(lines: list[str], first: int) -> list[list[str]]:
+    """The cells of a table of the text, row by row, without its heading."""
+    rows = []
+    for line in lines[first + 1 :]:
+        if not line or line.startswith("  "):
+            return rows
+        rows.append(re.split(r"\s{2,}", line))
+    return rows
+
+
+@pytest.fixture(scope="module")
+def told() -> Tournament:
+    """Two scenarios in which every share, count and time is another."""
+    near = runs_of({"a": noise(1, 1.0), "b": noise(2, 1.3), "c": noise(3, 2.4)},
+                   {"a": np.arange(RUNS) % 20 == 3, "b": np.arange(RUNS) < 31})  # fmt: skip
+    far = runs_of({"a": noise(4, 2.0), "b": noise(5, 1.9), "c": noise(6, 3.4)},
+                  {"c": np.arange(RUNS) < 7})  # fmt: skip
+    for k, table in enumerate((near, far)):
+        for i, name in enumerate("abc"):
+            table[f"{name}.misleading"] = (np.arange(RUNS) % (7 + i + 3 * k) == 0) * 1.0
+        table.loc[:49, "b.misleading"] = np.nan
+    times = {"near": {"a": 3e-7, "b": 2.5e-6, "c": 4e-3}, "far": {"a": 5e-7, "b": None, "c": 2e-3}}
+    return evaluate({"near": near, "far": far}, {**SETTINGS, "practical": 0.05}, times)
+
+
+SHARES_TOLD = {
+    ALL: {"a": ("2.5 %", "12 %", "in band", "~ 400 ns"), "b": ("7.8 %", "11 %", "not judged", "–"),
+          "c": ("1.8 %", "10 %", "in band", "~ 3.0 ms")},
+    "near": {"a": ("5 %", "14 % (9–21)", "in band", "~ 300 ns"),
+             "b": ("16 %", "12 % (7–19)", "not judged", "~ 2.5 µs"),
+             "c": ("0 %", "12 % (7–17)", "in band", "~ 4.0 ms")},
+    "far": {"a": ("0 %", "10 % (6–16)", "in band", "~ 500 ns"),
+            "b": ("0 %", "9.3 % (5–16)", "in band", "–"),
+            "c": ("3.5 %", "8.5 % (5–14)", "in band", "~ 2.0 ms")},
+}  # fmt: skip
+"""Lost, misleading, covariance, update: 29, 18 of 150 and 23 misleading in `near`, 20, 14 of 150
+and 17 in `far`, with the intervals of SciPy's `binomtest`; 10, 31 and 7 lost."""
+
+
+def test_the_verbose_text_has_every_table_of_every_place(told: Tournament) -> None:
+    lines = told.text(verbose=True).splitlines()
+    heads = [i for i, line in enumerate(lines) if line.endswith(": 200 runs")]
+    assert [lines[i] for i in heads] == [f"{p}: 200 runs" for p in (ALL, "near", "far")]
+    errors, within = (
+        {place: {name: np.array([told.table.loc[told.table["scenario"] == it, f"{name}.{of}"]
+                                 for it in ([place] if place != ALL else ["near", "far"])])
+                 for name in "abc"} for place in SHARES_TOLD}
+        for of in (RESPONSE, PERCENTILE)
+    )  # fmt: skip
+    for at, place in zip(heads, SHARES_TOLD, strict=True):
+        head = re.split(r"\s{2,}", lines[at + 1].strip())
+        assert head == ["RMS [m]", "95 % in a run [m]", "95 % of runs [m]", "lost", "misleading",
+                        "covariance", "update"]  # fmt: skip
+        rows = table_after(lines, at + 1)
+        for row, name in zip(rows, "abc", strict=True):
+            mean = np.sort(errors[place][name].mean(axis=0))
+            squares = np.sqrt((errors[place][name] ** 2).mean(axis=1)).mean()
+            # Of 200 runs, the 196th bounds the 95th percentile: P(Binomial(200, 0.95) < 196) > 0.95
+            assert row == [name, f"{squares:#.3g}", f"{within[place][name].mean():#.3g}",
+                           f"≤ {mean[195]:#.3g}", *SHARES_TOLD[place][name]]  # fmt: skip
+        spread = at + 3 + len(rows)
+        head = re.split(r"\s{2,}", lines[spread].strip())
+        assert head == ["RMS [m] of each run", "std", "least", "median", "most",
+                        "mean, 95 % interval", *["lost, 95 % interval"] * (place != ALL)]
+        for row, name in zip(table_after(lines, spread), "abc", strict=True):
+            mean, level = errors[place][name].mean(axis=0), told.level(place, name)
+            numbers = (mean.std(ddof=1), mean.min(), np.median(mean), mean.max())
+            assert row[:6] == [name, *(f"{it:#.3g}" for it in numbers),
+                               f"{level['low']:#.3g} to {level['high']:#.3g}"]  # fmt: skip
+            assert level["low"] < mean.mean() < level["high"]
+            lost = {"near": (10, 31, 0), "far": (0, 0, 7)}.get(place)
+            low, high = ("", "") if lost is None else (
+                f"{100 * end:#.3g}" if end else "0"
+                for end in proportion_confint(lost["abc".index(name)], RUNS, 0.05, "beta"))
+            assert row[6:] == [f"{low} to {high} %"] * (lost is not None)
+        verdicts_told = [line for line in lines[spread:] if line.startswith("  ")][:3]
+        assert verdicts_told == [
+            f"  {name}: covariance {told.level(place, name)['covariance_words']}" for name in "abc"
+        ]
+
+
+def test_the_tables_of_differences_have_what_is_counted(told: Tournament) -> None:
+    lines = told.text(verbose=True).splitlines()
+    heads = [i for i, line in enumerate(lines) if line.startswith("difference of ")]
+    named = [re.split(r"\s{2,}", lines[i])[0] for i in heads]
+    assert named == ["difference of RMS total error [m]",
+                     "difference of total error's 95th percentile in a run [m]"] * 3  # fmt: skip
+    asked = [(place, of) for place in (ALL, "near", "far") for of in (RESPONSE, PERCENTILE)]
+    for at, (place, of) in zip(heads, asked, strict=True):
+        places = ["near", "far"] if place == ALL else [place]
+        values = {name: np.mean([told.table.loc[told.table["scenario"] == it, f"{name}.{of}"]
+                                 for it in places], axis=0) for name in "abc"}  # fmt: skip
+        rows = table_after(lines, at)
+        for row, (one, other) in zip(rows, ("ab", "ac", "bc"), strict=True):
+            less = values[one] - values[other]
+            wins = int((less < 0).sum())
+            sure = proportion_confint(max(wins, RUNS - wins), RUNS, 0.05 / 9, "beta")[0]
+            least = int(100 * sure)
+            dives = f"≥ {least} %" if wins > 100 else f"≤ {100 - least} %"
+            number = [f"{it:#.3g}".replace("-", "−") for it in (np.median(less), less.mean())]
+            word = "better" if wins > 100 else "worse"
+            assert [*row[:4], row[5], row[7]] == [
+                f"{one} − {other}", f"{wins} of 200", dives, *number, word]
+            of_median, of_mean = (
+                [float(end.replace("−", "-")) for end in row[i].split(" to ")] for i in (4, 6)
+            )
+            assert of_median[0] < np.median(less) < of_median[1]
+            assert of_mean[0] < less.mean() < of_mean[1]
+
+
+def test_what_the_share_of_dives_hides_is_counted_over_all_scenarios(told: Tournament) -> None:
+    """Of the best only: 10 lost runs of 400 against 31 and 7; 49 misleading against 32 and 40."""
+    assert "But it was lost in 10 of 400 runs. But it was misleading in 49 of 400 runs." in (
+        told.answer
+    )
+    assert "In far, b is better than a." in told.answer
+    alone = evaluate({"near": told.table[told.table["scenario"] == "near"]}, told.settings)
+    assert "But it was lost in 10 of 200 runs. But it was misleading in 29 of 200 runs." in (
+        alone.answer
+    )
+    equal = told.levels.assign(lost=10, misleading=49)  # no more often than the others
+    assert "But " not in replace(told, levels=equal).answer
+
+
+@pytest.mark.parametrize(("seconds", "said"), [
+    (None, "–"), (2.5e-10, "~ 0.25 ns"), (0.99e-6, "~ 990 ns"), (1e-6, "~ 1.0 µs"),
+    (0.99e-3, "~ 990 µs"), (1e-3, "~ 1.0 ms"), (0.99, "~ 990 ms"), (1.0, "~ 1.0 s"),
+    (75.0, "~ 75 s"),
+])  # fmt: skip
+def test_the_time_of_an_update_has_the_unit_that_fits(seconds: float | None, said: str) -> None:
+    it = evaluate({"x": runs_of({"a": noise(1, 1.0), "b": noise(2, 2.0)})}, SETTINGS,
+                  {"x": {"a": seconds, "b": 3.0}})  # fmt: skip
+    lines = it.text(verbose=True).splitlines()
+    (at,) = (i for i, line in enumerate(lines) if line.endswith("  update"))
+    assert [row[-1] for row in table_after(lines, at)] == [said, "~ 3.0 s"]
+    assert "update" not in it.text()
+
+
+def test_a_better_one_whose_mean_is_more_is_remarked_in_either_order() -> None:
+    a = np.r_[np.full(101, 1.0), np.full(99, 3.0)]
+    b = np.r_[np.full(66, 0.9), np.full(35, 5.0), np.full(99, 2.9)]
+    for names in ("ab", "ba"):
+        it = evaluate({"x": runs_of({name: {"a": a, "b": b}[name] for name in names})}, SETTINGS)
+        assert it.receivers == ("a", "b")
+        assert [line for line in it.remarks if "most runs" in line] == [
+            "x: b is better than a in most runs, but its mean over the runs is 0.617 m more"
+        ]
+    assert not [line for line in made_up().remarks if "most runs" in line]
+
+
+def test_of_receivers_that_were_in_different_scenarios_none_is_best() -> None:
+    it = evaluate({"x": runs_of({"a": noise(1, 1.0)}), "y": runs_of({"b": noise(2, 2.0)})},
+                  SETTINGS)  # fmt: skip
+    assert it.answer == "No receiver was in all scenarios, so none is best over all."
+    both = evaluate({"x": runs_of({"a": noise(1, 1.0), "b": noise(2, 2.0)}),
+                     "y": runs_of({"b": noise(3, 4.0)})}, SETTINGS)  # fmt: skip
+    assert both.answer == "RMS total error over 200 runs, mean of 2 scenarios: b 3.00 m."
+    lines = both.text().splitlines()
+    at = next(i for i, line in enumerate(lines) if line.split() == ["RMS", "[m]", "x", "y"])
+    assert [line.split() for line in lines[at + 1 : at + 3]] == [
+        ["b", "2.00", "4.00"], ["a", "0.997", "–"]
+    ]
+
+
+def test_many_others_are_counted_and_four_are_named() -> None:
+    """Beyond four names three are said, and the number of the others."""
+    base = np.round(1024 * noise(1, 1.0, 0.3)) / 1024  # so that each difference is always the same
+    for others, said in ((4, "r1, r2, r3 and r4"), (5, "r1, r2, r3 and 2 more")):
+        errors = {f"r{i}": base + i / 1024 for i in range(others + 1)}
+        it = evaluate({"x": runs_of(errors)}, {**SETTINGS, "practical": 0.03})
+        assert it.receivers == tuple(f"r{i}" for i in range(others + 1))
+        assert it.answer.startswith(f"r0 and {said} are equal within 0.0300 m in the median. ")
+
+
+def test_runs_in_which_both_are_alike_are_told_by_those_in_which_it_is_worse() -> None:
+    one = noise(1, 1.0)
+    other = one + np.r_[np.full(150, 0.5), np.full(30, 0.0), np.full(20, -0.25)]
+    it = evaluate({"x": runs_of({"one": one, "other": other})}, SETTINGS)
+    share = int(100 * proportion_confint(150, RUNS, 0.05, "beta")[0])
+    assert it.answer.startswith(
+        f"one is better than other. It is better in 150 of 200 runs (worse in 20): in at least "
+        f"{share} % of dives (95 % confidence); 0.500 m less in the median (0.500 to 0.500 m), "
+    )
+    differ = evaluate({"x": runs_of({"one": one, "other": other - 0.1})}, SETTINGS)
+    assert "It is better in 150 of 200 runs: in" in differ.answer
+
+
+def test_the_worst_run_is_that_of_the_largest_finite_value(real: Tournament) -> None:
+    """Of the best receiver, in any scenario; failed runs and the other receivers do not count."""
+    best = real.receivers[0]
+    column = f"{best}.{RESPONSE}"
+    table = real.table.reset_index(drop=True)
+    there = table.index[(table["scenario"] == "harbour-square") & (table["seed"] == 8)]
+    table.loc[there, column] = 77.0
+    table.loc[[0, 1], column] = [np.inf, np.nan]
+    table.loc[2, f"{real.receivers[1]}.{RESPONSE}"] = 99.0
+    found = worst_run(replace(real, table=table), ["ekf", "sequential"])
+    assert (found.scenario.name, {*found.seeds.values()}) == ("harbour-square", {8})
+    assert {"ekf", "sequential"} <= {*found.tracks}
+
+
+def test_the_figure_has_the_percentiles_of_the_runs_and_the_differences(told: Tournament) -> None:
+    """From the best one: second minus first; far beyond the others at the edge, with the number."""
+    panels, words, unit, practical = tournament_figures.shown(told)
+    assert (words, unit, practical) == ("RMS total error", "m", 0.05)
+    assert [panel.place for panel in panels] == [ALL, "near", "far"]
+    near = told.table[told.table["scenario"] == "near"]
+    far = told.table[told.table["scenario"] == "far"]
+    values = {name: near[f"{name}.{RESPONSE}"].to_numpy() for name in "abc"}
+    for row, name in zip(panels[1].spread, "abc", strict=True):
+        assert row == pytest.approx(np.percentile(values[name], (5, 25, 75, 95, 50)))
+    less = far[f"b.{RESPONSE}"].to_numpy() - far[f"a.{RESPONSE}"].to_numpy()
+    assert panels[2].verdicts == ("better", "worse")
+    median, low, high = panels[2].difference[0]
+    assert median == pytest.approx(np.median(less))
+    assert low < median < high < 0
+    axes = told.plot().axes
+    for ax, panel in zip(axes[::2], panels, strict=True):
+        assert ax.get_title("left") == panel.place
+        thin, thick, dot = (ax.lines[i::3] for i in range(3))
+        for y, (p5, p25, p75, p95, p50) in enumerate(panel.spread):
+            assert thin[y].get_xydata() == pytest.approx(np.array([[p5, y], [p95, y]]))
+            assert thick[y].get_xydata() == pytest.approx(np.array([[p25, y], [p75, y]]))
+            assert dot[y].get_xydata() == pytest.approx(np.array([[p50, y]]))
+            assert (thin[y].get_linewidth(), thick[y].get_linewidth()) == (0.9, 5)
+            assert thick[y].get_color() != thin[y].get_color()
+        assert ax.get_xlim()[0] == 0
+        assert ax.get_ylim() == (2.5, -0.5)
+    look = style.THEMES["light"]
+    colours = {"worse": look.receivers[0], "better": look.receivers[2]}
+    for ax, panel in zip(axes[1::2], panels, strict=True):
+        marks = [line for line in ax.lines if line.get_marker() not in ("None", None)]
+        for y, (line, (at, _, _), verdict) in enumerate(
+            zip(marks, panel.difference, panel.verdicts, strict=True), 1
+        ):
+            assert line.get_xydata() == pytest.approx(np.array([[at, y]]))
+            assert line.get_marker() == {"worse": "s", "better": "^"}[verdict]
+            assert line.get_color() == line.get_markerfacecolor() == colours[verdict]
+        (band,) = ax.patches
+        assert band.get_x() == pytest.approx(-0.05)
+        assert band.get_width() == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(("gap", "beyond"), [(5.9, False), (6.1, True), (-6.1, True)])
+def test_a_difference_far_beyond_the_others_is_at_the_edge(gap: float, beyond: bool) -> None:
+    """Beyond six times the median of the differences, and one and a half times the best."""
+    panel = tournament_figures.Panel(
+        "x", ("best", "b", "c", "d"),
+        np.array([[0.5, 0.6, 0.8, 0.9, 0.7], *[[1.0, 1.1, 1.3, 1.4, 1.2]] * 3]),
+        np.array([[1.0, 0.9, 1.2], [gap, gap - 0.1, gap + 0.1], [1.0, 0.8, 1.3]]),
+        ("worse", "worse", "undecided"),
+    )  # fmt: skip
+    ax = tournament_figures.plot_tournament([panel], "RMS", "m", 0.3)[1]
+    marks = [line for line in ax.lines if line.get_marker() not in ("None", None)]
+    edge = 6.0 * np.sign(gap)
+    assert [float(line.get_xdata()[0]) for line in marks] == [1.0, edge if beyond else gap, 1.0]
+    assert [line.get_marker() for line in marks] == [
+        "s", (">" if gap > 0 else "<") if beyond else "s", "o"
+    ]
+    assert [text.get_text() for text in ax.texts] == [f"{gap:.3g}"] * beyond
+    assert [text.get_ha() for text in ax.texts] == [["left", "right"][gap > 0]] * beyond
+    near_best = replace(panel, spread=10 * panel.spread)  # 1.5 times 7 m
+    ax = tournament_figures.plot_tournament([near_best], "RMS", "m", 0.3)[1]
+    assert not ax.texts
+
+
+def a_panel(place: str, spread: list[list[float]], differences: list[list[float]]) -> Any:
+    """The first of these receivers is the best one; the others are worse."""
+    names = tuple("abcdef"[: len(spread)])
+    return tournament_figures.Panel(
+        place, names, np.array(spread), np.array(differences).reshape(-1, 3),
+        ("worse",) * len(differences),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("most", "scale"), [(99.0, "linear"), (100.0, "linear"), (101.0, "log")])
+@pytest.mark.parametrize("least", [2.0, 0.0])
+def test_runs_that_differ_by_more_than_fifty_times_have_a_logarithmic_axis(
+    most: float, scale: str, least: float
+) -> None:
+    """The 5th to the 95th percentile of all receivers; one of 0 has no place on such an axis."""
+    panel = a_panel("x", [[least, 2.0, 3.0, 4.0, 2.5], [3.0, 4.0, 50.0, most, 5.0]],
+                    [[1.0, 0.5, 2.0]])  # fmt: skip
+    left, right = tournament_figures.plot_tournament([panel], "RMS", "m")
+    assert left.get_xscale() == scale
+    assert right.get_xscale() == "linear"
+    if scale == "linear":
+        assert left.get_xlim()[0] == 0
+    assert left.get_xlabel() == "RMS [m], 5 to 95 % of runs"
+
+
+def test_each_receiver_has_a_row_of_the_same_height_and_a_median() -> None:
+    spread = [[1.0, 1.2, 1.6, 2.0, 1.5], [2.0, 2.1, 2.5, 3.0, 2.2], [3.0, 3.5, 4.0, 6.0, 3.75]]
+    both = [
+        a_panel("x", spread, [[0.7, 0.5, 0.9], [2.2, 2.0, 2.5]]),
+        a_panel("y", spread[:2], [[0.8, np.nan, np.nan]]),
+    ]
+    axes = tournament_figures.plot_tournament(both, "RMS", "", 0.25)
+    figure = axes[0].figure
+    assert figure.get_size_inches() == pytest.approx((7.2, 1.0 + 2 * 0.75 + 0.27 * 5))
+    assert [ax.get_ylim() for ax in axes] == [(2.5, -0.5)] * 2 + [(1.5, -0.5)] * 2
+    assert [[text.get_text() for text in ax.get_yticklabels()] for ax in axes[::2]] == [
+        ["a", "b", "c"], ["a", "b"]
+    ]
+    dots = [line for line in axes[0].lines if line.get_marker() == "o"]
+    assert [dot.get_xydata().tolist() for dot in dots] == [
+        [[row[4], y]] for y, row in enumerate(spread)
+    ]
+    look = style.THEMES["light"]
+    assert {(dot.get_markersize(), dot.get_markeredgewidth(), dot.get_markerfacecolor(),
+             dot.get_markeredgecolor()) for dot in dots} == {(5.0, 1.2, look.paper, look.ink)}
+    bars = [line for line in axes[1].lines if len(line.get_xdata()) == 2][1:]
+    assert [bar.get_xydata().tolist() for bar in bars] == [
+        [[0.5, 1], [0.9, 1]], [[2.0, 2], [2.5, 2]]
+    ]
+    assert {bar.get_linewidth() for bar in bars} == {1.6}
+    marks = [line for ax in axes[1::2] for line in ax.lines if line.get_marker() == "s"]
+    assert [mark.get_xydata().tolist() for mark in marks] == [[[0.7, 1]], [[2.2, 2]], [[0.8, 1]]]
+    assert {mark.get_markersize() for mark in marks} == {5.5}
+    assert [ax.get_xlabel().replace("\n", " ") for ax in axes[1::2]] == [
+        "median difference from a, 95 % all at once", "median difference from a"
+    ]
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == [
+        "circle: median of the runs", "thick bar: middle half of the runs",
+        "thin line: 5 to 95 % of the runs", "worse than the best",
+        "bar: 95 % interval of the difference", "like the best; right of it: worse",
+        "grey: within ±0.25, does not matter",
+    ]  # fmt: skip
+    alone = tournament_figures.plot_tournament([a_panel("x", spread[:1], [])], "RMS", "m")
+    assert len(alone) == 1
+    assert len(alone[0].figure.legends[0].get_texts()) == 3
+
+
+def test_a_mark_is_filled_where_it_is_sure_who_is_better() -> None:
+    verdicts_ = ("worse", "undecided", "equal", "better")
+    panel = replace(
+        a_panel("x", [[1.0, 1.2, 1.6, 2.0, 1.5]] * 5, [[0.5, 0.4, 0.6]] * 4), verdicts=verdicts_
+    )
+    ax = tournament_figures.plot_tournament([panel], "RMS", "m")[1]
+    look = style.THEMES["light"]
+    marks = [line for line in ax.lines if line.get_marker() not in ("None", None)]
+    drawn = [(it.get_marker(), it.get_color(), it.get_markerfacecolor()) for it in marks]
+    assert drawn == [
+        ("s", look.receivers[0], look.receivers[0]), ("o", look.soft, look.paper),
+        ("D", look.receivers[1], look.paper), ("^", look.receivers[2], look.receivers[2]),
+    ]  # fmt: skip
+    (legend,) = ax.figure.legends
+    texts = [text.get_text() for text in legend.get_texts()]
+    told = ("worse than the best", "undecided", "equal for practical purposes", "better here")
+    handles = [legend.legend_handles[texts.index(words)] for words in told]
+    keys = [(it.get_marker(), it.get_color(), it.get_markerfacecolor()) for it in handles]
+    assert keys == drawn
+
+
 # The same under two names ------------------------------------------------------------------------
 
 
