@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+import sblcosim
 from sblcosim.areas.grid import grid_of
-from sblcosim.areas.motion import Circle
+from sblcosim.areas.motion import Circle, check_depth, circle_of, circling
 from sblcosim.areas.possible import caveat
 from sblcosim.areas.rings import Rings, rings_of
 from sblcosim.areas.runs import CellRuns, check_times
@@ -87,6 +88,11 @@ def test_areas_depths_and_cells_have_bounds() -> None:
     assert refused(grid_of, "10x10", 5.0, 1, middle) == (
         "map cells: must be at least 2 along the longer side, got 1"
     )
+    for given in ("3xa", 2.5, (2, 3, 4), (2.5, 3), (True, 3), "nan"):
+        assert refused(grid_of, "10x10", 5.0, given, middle).startswith(
+            "map cells: must be a whole number along the longer side, or NORTHxEAST, e.g. 40x60, "
+            "got "
+        )
     assert refused(grid_of, (5.0, 5.0, 1.0, 3.0), 5.0, 4, middle) == (
         "map area: must have a size of more than 0 m both ways, got 0 m north x 2 m east"
     )
@@ -109,15 +115,15 @@ def test_distances_stand_in_rows_of_one_depth_and_turn_from_run_to_run() -> None
         np.testing.assert_allclose(centres[turn, 5], [
             3 + 65 * np.cos(angle), -2 + 65 * np.sin(angle), 9,
         ], atol=1e-9)
-    cell, replicate = np.array([1, 1, 1, 4]), np.array([0, 1, 7, 7])
+    cell, replicate = np.array([1, 1, 1, 5]), np.array([0, 1, 7, 7])
     placed = rings.placed(cell, replicate, 11)
     offset = (placed["target.center"] - [3.0, -2.0]) @ [1, 1j]
-    np.testing.assert_allclose(abs(offset), 35.0)
+    np.testing.assert_allclose(abs(offset), [35, 35, 35, 65])
     assert placed["target.depth_start"].tolist() == [4, 4, 4, 9]
     assert placed["target.depth_end"].tolist() == [4, 4, 4, 9]
     golden = np.pi * (np.sqrt(5) - 1)  # of a turn
     np.testing.assert_allclose(offset[1:3] / offset[0], np.exp(1j * golden * np.array([1, 7])))
-    assert abs(offset[3] - offset[2]) > 1e-3
+    assert abs(offset[3] / 65 - offset[2] / 35) > 1e-3
     other = rings.placed(cell, replicate, 12)["target.center"]
     assert np.abs(other - placed["target.center"]).min() > 1e-6
 
@@ -183,6 +189,74 @@ def test_a_circle_that_is_too_fast_is_told_with_one_that_is_slow_enough() -> Non
     assert Circle(0.5, 0.2).doubt("ekf", 0.0) == (
         "the circle turns faster than ekf allows for, which makes its errors larger: the velocity "
         "changes by 0.37 m/s in 5.8 s, where q = 0 m²/s³ expects 0 m/s"
+    )
+
+
+def test_a_circle_has_the_speed_of_the_scenario_or_another_within_bounds() -> None:
+    given = sblcosim.load("realistic-dive", {"target.speed_m_s": 0.45})
+    assert circle_of(given, 4, None, 60.0) == Circle(4.0, 0.45)
+    assert circle_of(given, 4, 0.7, 60.0) == Circle(4.0, 0.7)
+    assert circle_of(given, 0.01, 0.0, 60.0) == Circle(0.01, 0.0)
+    assert circle_of(given, 100_000.0, 20.0, 60.0) == Circle(100_000.0, 20.0)
+    for radius in (0.009, 100_001, np.inf, "wide"):
+        assert refused(circle_of, given, radius, None, 60.0) == (
+            f"map radius: must be from 0.01 to 100000 m, got {radius!r}"
+        )
+    for speed in (-0.1, 20.5, np.nan):
+        assert refused(circle_of, given, 3.0, speed, 60.0) == (
+            f"map speed: must be from 0 to 20 m/s, got {speed!r}"
+        )
+    assert circle_of(given, 0.5, 1.0, 3141.5) == Circle(0.5, 1.0)  # a thousand turns
+    assert refused(circle_of, given, 0.5, 1.0, 3141.7) == (
+        "map radius: must be large enough for at most 1000 turns in 3141.7 s at 1 m/s, got 0.5 m"
+    )
+    drifting = sblcosim.load(
+        given.given() | {"target": {"trajectory": "white_noise_acceleration"}}
+    )
+    assert circle_of(drifting, 3.0, 0.2, 60.0) == Circle(3.0, 0.2)
+    assert refused(circle_of, drifting, 3.0, None, 60.0) == (
+        "map speed: must be given, as the diver of realistic-dive has none that is constant "
+        "(trajectory 'white_noise_acceleration'), and circles in each cell instead"
+    )
+
+
+def test_a_diver_of_a_map_is_above_the_bottom() -> None:
+    given = sblcosim.load("realistic-dive", {"acoustics.water_depth_m": 12.0})
+    check_depth(given, 12.0)
+    check_depth(sblcosim.load("realistic-dive"), 900.0)  # no depth of the water
+    assert refused(check_depth, given, 12.1) == (
+        "map depth: must be at most the depth of the water, 12 m (override "
+        "acoustics.water_depth_m), got 12.1 m"
+    )
+
+
+def test_a_circling_diver_keeps_its_sensor_and_nothing_of_its_path() -> None:
+    given = sblcosim.load("realistic-dive", {"target.depth_std_m": 0.07})
+    target = circling(given, Circle(4.0, 0.5), 6.0, 90.0).given()
+    assert target["time"]["duration_s"] == 90.0
+    turns = 0.5 * 90 / (2 * np.pi * 4)
+    assert target["target"].pop("turns") == pytest.approx(1.01 * turns + 0.01, rel=1e-12)
+    assert target["target"] == {
+        "trajectory": "circle", "center_m": (0.0, 0.0), "radius_m": 4.0, "speed_m_s": 0.5,
+        "depth_start_m": 6.0, "depth_end_m": 6.0, "depth_std_m": 0.07, "depth_bias_m": 0.05,
+    }
+    assert circling(given, Circle(0.5, 1.0), 6.0, 3141.0).target.turns == 1000.0
+    assert refused(circling, sblcosim.load("realistic-dive", {"platform.boat_speed_m_s": 1.5}),
+                   Circle(4.0, 0.5), 6.0, 90.0) == (
+        "override platform.boat_speed_m_s: must be 0 for a map, as a boat under way leaves every "
+        "cell, got 1.5 m/s"
+    )
+    track = {"platform.track_m": [0, 0, 5, 5], "platform.track_time_s": [0, 10]}
+    assert refused(circling, sblcosim.load("realistic-dive", track), Circle(4.0, 0.5), 6.0,
+                   90.0) == (
+        "override platform.track_m: must be left out for a map, as a boat under way leaves every "
+        "cell, got 2 points"
+    )
+    prior = {"receiver.prior_position_m": [1.0, 2.0, 3.0]}
+    assert refused(circling, sblcosim.load("realistic-dive", prior), Circle(4.0, 0.5), 6.0,
+                   90.0) == (
+        "override receiver.prior_position_m: must be left out for a map, or be that of each cell "
+        "(prior = 'true'), got one for all"
     )
 
 
