@@ -212,7 +212,9 @@ def test_q_is_the_energy_of_the_noise_per_direction_that_was_measured() -> None:
 def test_without_late_ranges_only_a_wrong_estimate_is_none_that_is_punctual() -> None:
     p = parameters(outlier_probability=0.0)
     residual, variance = np.array([-0.4, 0.0, 0.3, 0.9]), np.array([0.01, 0.04, 0.09, 0.01])
-    punctual, other = late.log_densities(p, residual, variance)
+    with np.errstate(all="raise"):
+        punctual, other = late.log_densities(p, residual, variance)
+    assert other.shape == (4,)
     np.testing.assert_allclose(punctual, norm.logpdf(residual, scale=np.sqrt(variance)))
     np.testing.assert_allclose(other, np.full(4, np.log(2e-6)))
     least = late.share(p, np.array([3.0, 80.0]), 0.01)
@@ -433,3 +435,33 @@ def test_estimates_of_a_diver_among_buoys_are_its_states() -> None:
     c = p.assumed_sound_speed
     np.testing.assert_allclose(found.clock_offset, mean[2:, field.CLOCK] / c)
     np.testing.assert_allclose(found.sound_speed, c / (1 + mean[2:, field.SPEED]))
+
+
+def test_rows_of_a_diver_among_buoys_are_derivatives_at_its_own_epochs() -> None:
+    """Of depths and ranges; the offset of a beacon counts in its own ranges alone."""
+    p = field.with_unknowns(in_field(), 0.7, 0.0)
+    n, rng = field.states(p), np.random.default_rng(8)
+    ns = np.array([3, 4, 6, 7, 9]) * 10**9
+    beacon = np.array([1, 0, 3, 2, 1])
+    samples = Samples(
+        10**9, np.array([2, 6, 9]) * 10**9, np.array([5.0, 6.0, 8.0]), ns, beacon,
+        rng.uniform(20, 40, 5), np.zeros(5, bool), rng.uniform(-30, 30, (5, 3)), np.zeros((5, 3)),
+    )
+    at = rng.normal(size=(6, n)) * np.where(np.arange(n) == field.SPEED, 0.01, 1.0)
+    rows = model.rows(p, samples, at, field.IN_FIELD)
+    assert rows.node.tolist() == [0, 1, 2, 3, 3, 4, 5, 5]
+    assert rows.is_range.tolist() == [False, True, True, False, True, True, False, True]
+    for state in range(n):
+        step = 1e-5 * (np.arange(n) == state)
+        ahead, behind = (
+            model.rows(p, samples, at + sign * step, field.IN_FIELD).residual for sign in (1, -1)
+        )
+        np.testing.assert_allclose((behind - ahead) / 2e-5, rows.H[:, state], atol=1e-6)
+    own = rows.H[rows.is_range][:, field.offsets(p)]
+    np.testing.assert_array_equal(own, np.eye(4)[beacon])
+    still = at.copy()
+    still[:, 6:] = 0.0
+    plain = model.rows(p, samples, still, field.IN_FIELD)
+    away = np.linalg.norm(still[[1, 2, 3, 4, 5]][:, [0, 2, 4]] - samples.position, axis=1)
+    np.testing.assert_allclose(plain.residual[plain.is_range], samples.range - away)
+    np.testing.assert_allclose(plain.residual[~plain.is_range], samples.depth - still[[0, 3, 5], 4])

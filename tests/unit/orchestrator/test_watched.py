@@ -118,6 +118,10 @@ def test_the_last_message_of_the_component_itself_is_told() -> None:
         assert str(watched("second").failure(it, None, CRASH)) == (
             "second: FMU b.fmu crashed (signal SIGSEGV) in f: no memory"
         )
+    it = state(CALLING, 0, "f", saying=0, said=b"first: no disk")
+    assert str(watched("first").failure(it, 2.0)) == (
+        "first: FMU a.fmu has not returned from f for 2 s: no disk"
+    )
     for saying in (0, 2, -1, 3):
         it = state(CALLING, 1, "f", saying=saying, said=b"first: fine")
         assert str(watched("second").failure(it, None, CRASH)).endswith(" in f")
