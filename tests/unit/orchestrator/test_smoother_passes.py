@@ -54,9 +54,11 @@ def test_first_passes_take_ranges_for_less_and_less_certain() -> None:
     assert short.steps_m[2] != pytest.approx(track.steps_m[2], rel=0.1)  # without heat
 
 
-@pytest.mark.parametrize(("seed", "shortest", "longest"), [(5, 0.2, 2.1), (11, 0.1, 2.0)])
+@pytest.mark.parametrize(("seed", "passes", "shortest", "longest"), [
+    (5, 11, 0.2, 2.1), (11, 13, 0.1, 2.0),
+])  # fmt: skip
 def test_a_pass_is_as_long_as_the_change_from_the_one_before_tells(
-    seed: int, shortest: float, longest: float, seam: Seam
+    seed: int, passes: int, shortest: float, longest: float, seam: Seam
 ) -> None:
     """Irons and Tuck: times b·(b − a)/|b − a|² for moves b, then a; twice where they grow."""
     seam.tuned(close=0.0)
@@ -67,9 +69,9 @@ def test_a_pass_is_as_long_as_the_change_from_the_one_before_tells(
     c, s = np.cos(1.2), np.sin(1.2)
     begin = truth.copy()  # turned about the platform
     begin[:, :2] = truth[:, 6:8] + (truth[:, :2] - truth[:, 6:8]) @ [[c, s], [-s, c]]
-    at = [smoother.smooth(p, samples, begin, n).mean[:, :3] for n in range(7, 14)]
-    steps = smoother.smooth(p, samples, begin, 13).steps_m
-    assert len(steps) == 13
+    tracks = [smoother.smooth(p, samples, begin, n) for n in range(7, passes + 1)]
+    at, steps = [track.mean[:, :3] for track in tracks], tracks[-1].steps_m
+    assert len(steps) == passes
     lengths = [farthest(b - a) / step for a, b, step in zip(at, at[1:], steps[7:], strict=False)]
     moves = [(b - a) / length for a, b, length in zip(at, at[1:], lengths, strict=False)]
     for k in range(1, len(moves)):
