@@ -75,7 +75,8 @@ def test_both_covariances_of_a_receiver_are_judged_apart() -> None:
 
 
 def test_one_run_at_each_point_cannot_tell() -> None:
-    table = covariance.by_point(runs({1: [12.0], 2: [3.0]}))
+    table = covariance.by_point(runs({1: [12.0], 2: [3.0]}), ["gps"])
+    assert table["gps"].tolist() == [0.1, 3.5]
     (sentence,) = covariance.sentences(table)["good"]
     assert sentence == (
         "covariance: looks wrong by factors of 1 to 2 at 2 points (above 1: optimistic); one run "
@@ -83,6 +84,70 @@ def test_one_run_at_each_point_cannot_tell() -> None:
     )
     (alone,) = covariance.sentences(covariance.by_point(runs({1: [12.0]})))["good"]
     assert alone.startswith("covariance: looks optimistic by a factor of 2; one run cannot tell")
+
+
+def verdicts(*rows: tuple[str, float, int, int | None]) -> pd.DataFrame:
+    """Of points with a verdict, a factor, a number of runs, and the runs that would be needed."""
+    table = pd.DataFrame(rows, columns=["verdict", "factor", "runs", "runs_needed"])
+    table["words"] = [f"words of point {i}" for i in range(1, len(rows) + 1)]
+    table.insert(0, "point", range(1, len(rows) + 1))
+    table = table.astype({"runs_needed": "Int64"})
+    return table.assign(receiver="mine", frame="own_relative")
+
+
+def test_factors_of_several_points_are_told_from_the_smallest_to_the_largest() -> None:
+    """Of pessimistic points, how much smaller the true standard deviation is."""
+    table = verdicts(
+        ("optimistic", 2.5, 30, 40), ("pessimistic", 0.25, 20, 70), ("optimistic", 1.5, 25, None),
+        ("in band", 1.01, 30, 35), ("unknown", 3.0, 30, None), ("pessimistic", 0.5, 30, 60),
+        ("one run", 9.0, 22, None), ("in band", 0.99, 30, 30),
+    )
+    (row,) = covariance.summary(table).to_dict(orient="records")
+    assert row == {
+        "receiver": "mine", "frame": "own_relative", "points": 8, "in_band": 2, "optimistic": 2,
+        "optimistic_from": 1.5, "optimistic_to": 2.5, "pessimistic": 2, "pessimistic_from": 2.0,
+        "pessimistic_to": 4.0, "untold": 2, "runs": 20, "runs_needed": 70,
+    }
+    assert covariance.sentences(table) == {"mine": [
+        "covariance relative to the platform: optimistic at 2 of 8 points, by a factor of 1.5 to "
+        "2.5, pessimistic at 2 of 8 points, by a factor of 2 to 4, in band at 2, unknown at 2 "
+        "(95 % each, from 20 runs per point; up to 70 would reveal a factor of 1.1)"
+    ]}
+
+
+@pytest.mark.parametrize(("needed", "words"), [
+    (20, ""), (21, "; up to 21 would reveal a factor of 1.1"),
+    (10_000, "; up to 10000 would reveal a factor of 1.1"),
+    (10_001, "; at some points no practical number (10,000) would reveal a factor of 1.1"),
+    (None, ""),
+])
+def test_runs_that_would_be_enough_are_named_where_they_are_more(
+    needed: int | None, words: str
+) -> None:
+    table = verdicts(("optimistic", 2.0, 20, needed), ("optimistic", 2.0004, 25, None))
+    (sentence,) = covariance.sentences(table)["mine"]
+    assert sentence == (
+        "covariance relative to the platform: optimistic at 2 of 2 points, by a factor of 2 (95 % "
+        f"each, from 20 runs per point{words})"
+    )
+    (alone,) = covariance.sentences(table[:1])["mine"]
+    assert alone == "covariance relative to the platform: words of point 1"
+
+
+def test_points_with_one_run_each_are_told_apart_from_a_mixture() -> None:
+    table = verdicts(("one run", 1.25, 1, None), ("one run", 0.5, 1, None))
+    (sentence,) = covariance.sentences(table)["mine"]
+    assert sentence == (
+        "covariance relative to the platform: looks wrong by factors of 0.5 to 1.25 at 2 points "
+        "(above 1: optimistic); one run at each cannot tell"
+    )
+    (mixed,) = covariance.sentences(verdicts(("one run", 1.25, 1, 4), ("in band", 1, 9, None)))[
+        "mine"
+    ]
+    assert mixed == (
+        "covariance relative to the platform: in band at 1, unknown at 1 (95 % each, from 1 runs "
+        "per point; up to 4 would reveal a factor of 1.1)"
+    )
 
 
 def test_without_any_nees_nothing_is_said() -> None:
