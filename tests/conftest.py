@@ -20,6 +20,7 @@ sys.path.insert(0, str(Path(__file__).parent / "unit" / "fmus"))
 sys.path.insert(0, str(Path(__file__).parent / "physics"))
 sys.path.insert(0, str(Path(__file__).parent))
 
+from quick import thin
 from seams import Seam
 
 # A command of typer is the same each time that it is made, from hundreds of signatures.
@@ -65,6 +66,11 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     from spread import Spread
 
     return Spread(config, log)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    thin(items)
 
 
 @pytest.fixture

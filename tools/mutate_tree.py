@@ -181,7 +181,8 @@ class Trial:
         listed = self.bench.folder / "tests"
         listed.write_text("\n".join(tests))
         limit = PATIENCE + 3 * sum(self.record.seconds[test] for test in tests)
-        code, said = self.bench.pytest([*(["-x"] if first else []), f"@{listed}"], limit)
+        which = ["-m", "", *(["-x"] if first else []), f"@{listed}"]  # slow ones are recorded, too
+        code, said = self.bench.pytest(which, limit)
         if code == 0:
             return []
         found = [

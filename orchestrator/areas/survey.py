@@ -210,7 +210,7 @@ def second_round(
     pooling: Pooled, limit_m: float, runs: int, most: int
 ) -> tuple[Integers, Integers]:
     """Cells and replicates of the second round, those closest to the limit first."""
-    with np.errstate(invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):
         away = np.abs(pooling.percentile - limit_m) / pooling.std_error
     near = np.flatnonzero(away <= NEAR)
     near = near[np.argsort(away[near], kind="stable")]

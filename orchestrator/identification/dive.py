@@ -94,16 +94,14 @@ def _path(device: Device) -> dict[str, Any] | None:
         return None
     std, _, _, psd, rate, turn, _ = device.motion.parameters.tolist()
     density = psd + (rate * turn**2 if device.motion.turns else 0.0)
+    scattered = [np.asarray(found[axis][0], float)[first] for axis in ("north", "east")]
+    if not np.isfinite([*scattered, ranges.down[first]]).all():
+        return None
     try:
-        north, east = (
-            smoothed(time, np.asarray(found[axis][0], float)[first], std, density)[0]
-            for axis in ("north", "east")
-        )
+        north, east = (smoothed(time, each, std, density)[0] for each in scattered)
     except np.linalg.LinAlgError:  # estimates as scattered as those of a few centimetres of arms
         return None
     rows: Floats = np.column_stack([north, east, ranges.down[first]])
-    if not np.isfinite(rows).all():
-        return None
     at = np.linspace(time[0], time[-1], min(POINTS, len(time)))
     track = np.column_stack([np.interp(at, time, own) for own in rows.T])
     return {

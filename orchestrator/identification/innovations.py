@@ -89,7 +89,7 @@ class Ranges:
     @property
     def uncertain(self) -> bool:
         """Whether the beacons' places have errors."""
-        return self.prior["place_std"] > 0 or self.prior["place_down_std"] > 0
+        return bool(self.prior["place_std"] > 0 or self.prior["place_down_std"] > 0)
 
     @property
     def states(self) -> int:

@@ -263,14 +263,16 @@ def _clock(words: str) -> Any:
     )
 
 
-def _on(state: _State, day: date) -> None:
-    """Take the date of a sentence."""
+def _on(state: _State, day: date, moment: Any) -> int:
+    """Time of a sentence that has a date."""
     if state.stamped:
-        return
+        return state.time_ns
     number = (day - date(1970, 1, 1)).days
-    if not state.dated:  # sentences before it were of this day, too
+    if not state.dated:  # sentences before it were of this day, too, or of the one before midnight
+        _at(state, moment)
         _shift(state, (number - (state.day or 0)) * _DAY_NS)
     state.day, state.dated = number, True
+    return _at(state, moment)
 
 
 def _shift(state: _State, ahead: int) -> None:
@@ -304,9 +306,8 @@ def _rmc(state: _State, number: int, it: Any) -> None:
     if it.status != "A" or not it.lat:
         state.note(number, "marked as no position")
         return
-    if it.datestamp is not None and it.datestamp != "":
-        _on(state, it.datestamp)
-    time = _at(state, it.timestamp)
+    dated = it.datestamp is not None and it.datestamp != ""
+    time = _on(state, it.datestamp, it.timestamp) if dated else _at(state, it.timestamp)
     place = _degrees(it)
     same = state.place is not None and state.place[0] == time
     state.place = (time, *place)
@@ -323,8 +324,9 @@ def _degrees(it: Any) -> tuple[float, float]:
 
 def _zda(state: _State, number: int, it: Any) -> None:
     if it.day and it.month and it.year:
-        _on(state, date(int(it.year), int(it.month), int(it.day)))
-    _at(state, it.timestamp)
+        _on(state, date(int(it.year), int(it.month), int(it.day)), it.timestamp)
+    else:
+        _at(state, it.timestamp)
 
 
 def _turned(state: _State, degrees: Any) -> None:

@@ -46,9 +46,6 @@ class _Box:
 
     def measure(self) -> None:
         """Set the size from the texts and the contents."""
-        if not self.title:
-            self.height = _LANE
-            return
         left, right = (_wide(names.values()) for names in (self.ins, self.outs))
         rows = max(len(self.ins), len(self.outs)) * _ROW
         head = _wide([self.title]) * 1.15, _wide([self.note])

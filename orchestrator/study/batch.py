@@ -38,6 +38,8 @@ Floats = NDArray[np.float64]
 VALUE = "value"
 """Response of a function that replaces the simulation."""
 _NEEDED = ("update_count", "epoch", "position")
+_SHARES = 20
+"""Parts of the calls of a function after which its progress is told."""
 
 
 def simulate(
@@ -50,11 +52,11 @@ def simulate(
 
     Third-party FMUs run in ``children``; None: start some for these runs.
     """
-    if campaign.study.model is not None:
-        return _of_function(campaign, runs, campaign.study.model, children)
     if children is None:
         with Children(patience_s=campaign.step_timeout) as children:
             return simulate(campaign, runs, how, children)
+    if campaign.study.model is not None:
+        return _of_function(campaign, runs, campaign.study.model, how, children)
     sums, extra, errors = _nothing(campaign, len(runs))
     durations = np.zeros(len(runs), np.int64)
     work = sum(steps_of(campaign, runs))
@@ -82,7 +84,8 @@ def simulate(
 
 
 def _of_function(
-    campaign: Campaign, runs: Sequence[CampaignRun], model: StandIn, children: Children | None
+    campaign: Campaign, runs: Sequence[CampaignRun], model: StandIn, how: How,
+    children: Children,
 ) -> pd.DataFrame:
     """The table of a function that replaces the simulation."""
     numbers = {name: factor.numbers for name, factor in campaign.study.varied.items()}
@@ -93,8 +96,12 @@ def _of_function(
         }, run.seed)
         for run in runs
     ]  # fmt: skip
+    values = np.empty(len(given))
     with patience(campaign.step_timeout):
-        values = stand_in.values_of(model, given, children)
+        for rows in np.array_split(np.arange(len(given)), min(_SHARES, len(given))):
+            part = slice(rows[0], rows[-1] + 1)
+            values[part] = stand_in.values_of(model, given[part], children)
+            how.tell(part.stop / len(given))
     columns = _about(campaign, runs) | {f"{model.name}.{VALUE}": values}
     return pd.DataFrame({**columns, **_ends(runs, [None] * len(runs))})
 

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from explored import NEEDS, answers
 from made_logs import CORNERS, changed, made, written
-from quick import few
+from quick import few, one_in
 from sblcosim import ConfigurationError, listings, process, read_log
 from sblcosim.explore.contents import contents
 from sblcosim.explore.page import write_dive
@@ -211,6 +211,7 @@ LOGS: Mapping[str, Callable[[Path], Log]] = {
 
 
 @pytest.mark.parametrize("name", LOGS)
+@one_in(2)
 def test_logs_of_devices_have_the_estimates_of_process(
     name: str, told: Mapping[str, Any], tmp_path: Path
 ) -> None:

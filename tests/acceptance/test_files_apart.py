@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 import sblcosim
+from quick import one_in
 from sblcosim.cli import app
 from sblcosim.errors import ConfigurationError, SblcosimError
 from sblcosim.scenario.sources import known_source
@@ -307,6 +308,7 @@ def checked(deed: str, place: str, tmp_path: Path, alone: sblcosim.Result) -> No
 
 
 @pytest.mark.parametrize(("deed", "place"), SOME)
+@one_in(3)
 def test_what_a_file_does_is_said_in_one_line_and_spares_the_others(
     deed: str, place: str, tmp_path: Path, alone: sblcosim.Result
 ) -> None:
@@ -323,6 +325,7 @@ def test_what_a_file_does_anywhere(
 
 @pytest.mark.usefixtures("only_hangs_take_time")
 @pytest.mark.parametrize("place", PLACES)
+@one_in(3)
 def test_what_does_not_return_is_given_up(
     place: str, tmp_path: Path, alone: sblcosim.Result
 ) -> None:
@@ -354,6 +357,7 @@ def healthy(beside: Path) -> sblcosim.Result:
 
 
 @pytest.mark.parametrize("deed", later(HARM))
+@one_in(3)
 def test_what_a_file_changes_reaches_nobody_else(
     deed: str, tmp_path: Path, alone: sblcosim.Result, beside: Path, healthy: sblcosim.Result
 ) -> None:

@@ -18,7 +18,7 @@ import pandas as pd
 import pytest
 import sblcosim
 from browser import BROWSER, Tab
-from quick import few
+from quick import few, one_in
 from sblcosim import Result, style
 from sblcosim.cli import app
 from sblcosim.explore.contents import refuse
@@ -445,6 +445,7 @@ def test_a_receiver_can_be_hidden_in_map_and_errors(
 
 @pytest.mark.parametrize("name", RUNS)
 @pytest.mark.parametrize("width", [390, 1400])
+@one_in(3)
 def test_it_fits_the_window_and_is_seen_from_above_and_in_space(
     name: str, width: int, tmp_path: Path, browsing: Callable[..., Tab]
 ) -> None:

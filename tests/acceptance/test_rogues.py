@@ -19,7 +19,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import sblcosim
-from quick import few
+from quick import few, one_in
 from sblcosim.data.record import Record
 from sblcosim.errors import ConfigurationError, ConfigurationWarning, FmuError
 from sblcosim.fmus.build.factory import build
@@ -126,6 +126,7 @@ def judge(
 
 
 @pytest.mark.parametrize(("what", "phase", "master"), CUT)
+@one_in(2)
 def test_a_death_names_fmu_call_and_time_and_spares_the_others(
     what: str, phase: str, master: str, rogue: Rogue, alone: sblcosim.Result
 ) -> None:
@@ -205,6 +206,7 @@ def test_a_slow_fmu_is_waited_for(phase: str, rogue: Rogue, alone: sblcosim.Resu
     same(result, alone)
 
 
+@pytest.mark.slow
 def test_a_thread_that_crashes_is_found_among_several_fmus(rogue: Rogue) -> None:
     """It comes in a call of somebody else; each is tried on its own then."""
     long = {"time.duration_s": 10_000.0}  # on its own it has to last until the thread crashes
@@ -282,7 +284,8 @@ def test_without_any_receiver_left_nothing_is_written(rogue: Rogue, tmp_path: Pa
     assert not out.exists()
 
 
-@pytest.mark.parametrize("phase", few(["load", "step"], quick=["step"]))
+@pytest.mark.parametrize("phase", ["load", "step"])
+@pytest.mark.slow
 def test_a_flood_of_output_is_kept_from_ours(phase: str, rogue: Rogue, tmp_path: Path) -> None:
     file = rogue("flood", phase)
     done = command(
@@ -498,7 +501,8 @@ def own(tmp_path_factory: pytest.TempPathFactory) -> pd.DataFrame:
     return runner.run(study([]), tmp_path_factory.mktemp("own"))
 
 
-@pytest.mark.parametrize("executor", few(["threads", "processes"], quick=["processes"]))
+@pytest.mark.parametrize("executor", ["threads", "processes"])
+@pytest.mark.slow
 def test_a_study_keeps_the_healthy_receivers_columns(
     executor: str, rogue: Rogue, own: pd.DataFrame, tmp_path: Path
 ) -> None:

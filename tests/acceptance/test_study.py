@@ -73,6 +73,7 @@ def some_parts(folder: Path, process: subprocess.Popen[str], number: int = 3) ->
 
 
 @pytest.mark.skipif(os.name == "nt", reason="there is no SIGKILL")
+@pytest.mark.slow
 def test_a_campaign_that_is_killed_goes_on_and_ends_with_the_same_table(
     tmp_path: Path, whole: Path
 ) -> None:

@@ -32,7 +32,7 @@ from .from_the_model import dive, platform
 
 ALLOWED = {"short arms, poor ranges": 0.01}
 """Share of runs with a NEES above 15, where it is not that of all cells."""
-QUICK = ("short arms", "late", "4, slow turns", "bottom, 4, white", "bottom, 3, turns")
+QUICK = ("short arms", "late", "4, slow turns", "bottom, 4, white")
 
 
 def beside_given(name: str, runs: int) -> None:

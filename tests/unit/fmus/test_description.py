@@ -10,6 +10,7 @@ import fmpy
 import pytest
 from fmpy.validation import validate_fmu
 from lxml import etree
+from quick import one_in
 from sblcosim.fmus.build.archive import contents, write_fmu
 from sblcosim.fmus.build.description import (
     base_unit,
@@ -62,6 +63,7 @@ def test_value_references_number_all_elements_from_one_without_gaps(name: str) -
 
 @pytest.mark.parametrize("fmi", VERSIONS)
 @pytest.mark.parametrize("name", COMPONENTS)
+@one_in(2)
 def test_description_is_valid_and_copies_the_declaration_exactly(
     tmp_path: Path, name: str, fmi: Fmi
 ) -> None:
@@ -98,6 +100,7 @@ def test_description_is_valid_and_copies_the_declaration_exactly(
 
 
 @pytest.mark.parametrize("name", COMPONENTS)
+@one_in(2)
 def test_both_versions_give_an_element_the_same_reference(tmp_path: Path, name: str) -> None:
     scalars = {v.name: v.valueReference for v in described(tmp_path, name, 2).modelVariables}
     for v in described(tmp_path, name, 3).modelVariables:

@@ -22,6 +22,7 @@ import made_logs
 import pandas as pd
 import pytest
 import sblcosim
+from quick import one_in
 from sblcosim import analysis, require
 from sblcosim.analysis import workflow
 from sblcosim.answer import Answer, Extended
@@ -191,6 +192,7 @@ def test_all_kinds_of_answers_are_tried(here: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
+@one_in(2)
 def test_an_answer_has_its_one_form(kind: str, here: Path, tmp_path: Path) -> None:
     found = made(kind, here)
     assert isinstance(found, Answer)

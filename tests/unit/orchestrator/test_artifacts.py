@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from quick import one_in
 from sblcosim import artifacts, manifests
 from sblcosim.errors import ConfigurationError
 from sblcosim.fmus import files
@@ -280,6 +281,7 @@ with artifacts.folder(path, {"run": 2}) as folder:
 @pytest.mark.skipif(os.name == "nt", reason="there is no SIGKILL")
 @pytest.mark.parametrize("number", range(4))
 @pytest.mark.parametrize("before", ["empty", "result"])
+@one_in(3)
 def test_a_kill_in_the_last_moment_leaves_what_was_before(tmp_path, before, number):
     run = tmp_path / "run"
     if before == "empty":

@@ -18,6 +18,7 @@ import sblcosim
 from drawn_texts import spoiled_texts
 from jsonschema import Draft202012Validator
 from matplotlib.text import Text
+from quick import one_in
 from sblcosim import limits, style
 from sblcosim.cli.common.app import app
 from sblcosim.cli.documents.by_command import schema
@@ -291,6 +292,7 @@ def test_which_errors_are_the_same_in_every_run() -> None:
 
 @pytest.mark.parametrize("receiver", ["coupled", "ekf", "sequential", "multilateration"])
 @pytest.mark.parametrize("better", [False, True])
+@one_in(3)
 def test_an_untold_receiver_has_the_parameters_of_the_whole_scenario(
     receiver: str, better: bool
 ) -> None:
@@ -752,6 +754,7 @@ def test_what_is_not_ours_has_no_bound() -> None:
     assert "mounting" not in sources.of_scenario(base)
 
 
+@pytest.mark.slow
 def test_runs_that_fail_are_left_out(tmp_path: Path) -> None:
     """With all switches, so that what is left is paired."""
     (tmp_path / "mine.py").write_text(

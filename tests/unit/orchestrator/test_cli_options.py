@@ -15,6 +15,7 @@ import made_logs
 import pytest
 import sblcosim
 import typer
+from quick import one_in
 from rich.progress import Progress
 from said import apart_from_compiling
 from sblcosim.cli import app
@@ -344,6 +345,7 @@ def lossy(tmp_path_factory: pytest.TempPathFactory) -> Path:
                                                                " --mean")),
     ],
 )  # fmt: skip
+@one_in(2)
 def test_where_a_share_of_lost_runs_is_printed_it_is_said_what_lost_is(
     lossy: Path, monkeypatch: pytest.MonkeyPatch, command: str
 ) -> None:
@@ -376,6 +378,7 @@ MANY = f"{SHORT} --runs 2 --no-figures"
         )),
     ],
 )  # fmt: skip
+@one_in(2)
 def test_percentiles_are_said_to_be_order_statistics(
     lossy: Path, monkeypatch: pytest.MonkeyPatch, command: str, kind: str
 ) -> None:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from quick import one_in
 from sblcosim.errors import ConfigurationError
 from sblcosim.models.platform.beaufort import LEVELS
 from sblcosim.models.platform.gps import GRADES
@@ -148,6 +149,7 @@ def test_what_is_asked_has_a_decision_and_the_other_way_round() -> None:
 
 
 @pytest.mark.parametrize(("system", "name"), choices())
+@one_in(2)
 def test_every_choice_of_every_question(system: str, name: str) -> None:
     begin = source(system)
     for text, wanted in answers(name, begin).items():

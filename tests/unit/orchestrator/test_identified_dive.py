@@ -137,13 +137,13 @@ def said_misfit(log: Log) -> list[str]:
 
 def device(
     time: Any, told: Told = YES, low: float | None = 0.01, high: float | None = 0.03,
-    sinks: float = 0.1,
+    sinks: float = 0.1, north: float = 3.0,
 ) -> Device:
     """A device with ranges at these times, whose diver sinks and swims along a curve."""
     time, n = np.asarray(time, float), len(time)
     ranges = Ranges(time, np.zeros(n, np.intp), np.zeros(n), np.zeros((n, 3)), 5 + sinks * time,
                     np.zeros(n), dict.fromkeys(PRIOR, 0.0), 1)
-    shown = {"north": 3 * np.sin(time / 7), "east": 40 - 0.2 * time}
+    shown = {"north": north * np.sin(time / 7), "east": 40 - 0.2 * time}
     motion = Fit(("range_std", "late_share", "late_mean", "acceleration_psd"),
                  np.array([-3.0, -3.0, 0.5, -4.0]), np.eye(4), 0.0, 1)
     scale = Number("range_scale", 0.02, low, high, "", told, "")
@@ -255,7 +255,9 @@ def test_the_path_goes_from_the_first_range_to_the_last_with_the_depth() -> None
 
 
 def test_a_log_that_gives_no_path_keeps_the_default_and_says_so() -> None:
-    for given in (device([3.0, 3.0, 4.0, 4.0]), device(TIME, sinks=np.nan)):
+    for given in (
+        device([3.0, 3.0, 4.0, 4.0]), device(TIME, sinks=np.nan), device(TIME, north=np.nan)
+    ):  # fmt: skip
         keys, (said,) = dive_of(pinging(2.0, 0.5), given, BASE)
         assert "target.trajectory" not in keys
         assert said == (

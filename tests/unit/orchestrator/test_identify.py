@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import sblcosim
 from made_logs import made, on_a_boat
+from quick import one_in
 from recorded_sets import RECORDED, needs_recorded
 from sblcosim.data.samples import Samples
 from sblcosim.errors import ConfigurationError
@@ -541,9 +542,8 @@ def test_where_they_do_not_tell_it_the_assumed_value_stays(log: Any) -> None:
     assert "platform.mounting_std_m" not in found.overrides()
 
 
-@pytest.mark.parametrize(("known", "least", "most"), [
-    pytest.param(0.01, 0.1, 0.8, marks=pytest.mark.slow), (1.0, 1.5, 4.0),
-])  # fmt: skip
+@pytest.mark.slow
+@pytest.mark.parametrize(("known", "least", "most"), [(0.01, 0.1, 0.8), (1.0, 1.5, 4.0)])
 def test_receivers_claim_what_places_are_known_to(known: float, least: float, most: float) -> None:
     log = placed(known, 2)
     scenario = identify(log).scenario()
@@ -627,6 +627,7 @@ KNOWN = {**dict.fromkeys(devices(), Assumed(place_std=0.2, place_down_std=0.1)),
 
 
 @pytest.mark.parametrize("name", KNOWN)
+@one_in(2)
 def test_devices_are_as_recorded(name: str) -> None:
     given = devices()[name.partition(",")[0]]
     body = BEACONS if given.has_pose.any() else None

@@ -16,6 +16,7 @@ import made_logs
 import pytest
 import sblcosim.cli
 import typer.main
+from quick import one_in
 from sblcosim.cli.documents.by_command import COMMANDS, DOCUMENTS
 from sblcosim.fmus.build.factory import build
 from sblcosim.models import RECEIVERS
@@ -154,6 +155,7 @@ def names(node: Any) -> set[str]:
 
 
 @pytest.mark.parametrize("case", CASES)
+@one_in(2)
 def test_what_is_printed_is_what_its_schema_says(case: str, place: Path) -> None:
     command = case.split()[0]
     schema = json.loads(cli("schema", f"{command}.json").stdout)

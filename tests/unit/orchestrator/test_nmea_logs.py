@@ -390,6 +390,20 @@ def test_what_came_before_the_first_date_is_of_the_days_before_it(tmp_path: Path
     assert not any("midnight" in it for it in log.remarks)
 
 
+@pytest.mark.parametrize("dated", [
+    "GPZDA,000000.00,01,03,2024,00,00",
+    "GPRMC,000000.00,A,5900.000,N,01000.000,E,0.0,0.0,010324,,",
+])
+def test_what_came_before_midnight_is_of_the_day_before_the_first_date(
+    tmp_path: Path, dated: str
+) -> None:
+    lines = [_gga("235958.00"), _gga("235959.00"), sentence(dated), _gga("000001.00"),
+             sentence(dated.replace("000000.00", "000002.00")), _gga("000003.00")]  # fmt: skip
+    table = nmea.raw_of(tmp_path / "log.nmea", "\n".join(lines), {}, "").tables["fixes"]
+    own = table["time_ns"][table["device"] == "GGA"] - of_date("2024-03-01T00:00:00Z")
+    assert own.tolist() == [-2 * S, -S, S, 3 * S]
+
+
 def test_a_date_without_a_time_moves_the_times_before_it(tmp_path: Path) -> None:
     fix = sentence("USRTH,1,70,-25,24,2,130,-25,0")
     log = _read(tmp_path, _ssb("C", "N", "M", "1", "2", "3", "1", "N", "", ""),

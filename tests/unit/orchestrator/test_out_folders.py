@@ -12,6 +12,7 @@ import sblcosim.cli
 import typer
 from click.testing import Result
 from log_samples import own
+from quick import one_in
 from sblcosim import artifacts
 from sblcosim.areas.runs import Simulator
 from sblcosim.estimation import smoother
@@ -104,6 +105,7 @@ def _idle(seam: Seam, *but: object) -> None:
 
 
 @pytest.mark.parametrize("command", SMALL)
+@one_in(3)
 def test_another_result_is_refused_before_any_work(
     command: str, place: Path, seam: Seam
 ) -> None:
@@ -124,6 +126,7 @@ def test_another_result_is_refused_before_any_work(
 
 
 @pytest.mark.parametrize("command", [*SMALL, *KIND])
+@one_in(3)
 def test_the_files_of_others_are_refused_before_any_work(
     command: str, place: Path, seam: Seam
 ) -> None:
@@ -141,6 +144,7 @@ def test_the_files_of_others_are_refused_before_any_work(
 
 @pytest.mark.parametrize("out", ["x" * 3000, "file/out"], ids=["too long", "below a file"])
 @pytest.mark.parametrize("command", [*SMALL, *KIND])
+@one_in(3)
 def test_a_folder_that_cannot_be_made_is_refused_before_any_work(
     command: str, out: str, place: Path, seam: Seam
 ) -> None:
@@ -160,6 +164,7 @@ FILES = {
 
 
 @pytest.mark.parametrize("command", [*SMALL, *KIND, *FILES])
+@one_in(3)
 def test_a_file_in_the_way_of_a_folder_is_said_in_one_sentence(
     command: str, place: Path, seam: Seam
 ) -> None:

@@ -26,7 +26,7 @@ from path_files import (
     of_tum,
     stamp_of,
 )
-from quick import few
+from quick import few, one_in
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from sblcosim.data.estimates import Estimates
 from sblcosim.data.record import NEVER, Record
@@ -187,6 +187,7 @@ def test_unknown_points_are_left_out_with_their_times(form: str, tmp_path: Path)
 
 
 @pytest.mark.parametrize("form", READERS)
+@one_in(2)
 def test_long_paths(form: str, tmp_path: Path) -> None:
     """Maps have every second point and so on; trajectories have all."""
     path = wandering(20_001)

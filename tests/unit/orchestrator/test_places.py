@@ -282,6 +282,10 @@ def test_a_second_round_is_for_cells_within_two_standard_errors_of_the_limit() -
     for limit, most in ((3.0, 0), (9.0, 100)):
         cell, replicate = second_round(found, limit, 10, most)
         assert (cell.tolist(), replicate.tolist()) == ([], [])
+    # A cell whose error is known exactly is far from any limit but its own; nothing is said of it.
+    sure = Pooled(np.array([5.0, 3.1]), np.array([0.0, 0.1]))
+    with np.errstate(all="raise"):
+        assert second_round(sure, 3.0, 10, 1)[0].tolist() == [1]
 
 
 def test_runs_are_joined_in_their_order() -> None:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import sblcosim
 from made_logs import CORNERS, changed, in_folder, made, on_a_boat, written
-from quick import few
+from quick import few, one_in
 from sblcosim import ConfigurationError, identify, listings, process, read_log
 from sblcosim.cli.documents.by_command import document
 from sblcosim.data.estimates import Estimates
@@ -47,6 +47,7 @@ class Broken(sblcosim.Receiver):
 
 
 @pytest.mark.parametrize("scenario", listings.scenarios())
+@one_in(3)
 def test_a_simulated_dive_gives_its_own_estimates_to_the_bit(
     scenario: str, tmp_path: Path
 ) -> None:

@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 import sblcosim
+from quick import one_in
 from sblcosim.cli import app
 from sblcosim.errors import ConfigurationError
 from sblcosim.models.ports import DEPTH, PING_POSE, RECEPTION, REQUIRED_ESTIMATE
@@ -221,6 +222,7 @@ HEAD = "import sblcosim\nclass {}(sblcosim.Receiver):\n"
 
 
 @pytest.mark.parametrize(("text", "message"), CASES)
+@one_in(2)
 def test_what_is_no_receiver_is_refused_in_one_line(
     text: str, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -274,6 +276,7 @@ def given(arguments: dict[str, Any]) -> str:
     *(("declaration", it.name) for it in fields(ReceiverDeclaration)),
     *(("receiver", name) for name in signature(variables.receiver).parameters),
 ])  # fmt: skip
+@one_in(3)
 def test_a_part_of_a_wrong_type_of_a_folder_is_named(tmp_path: Path, of: str, part: str) -> None:
     inner = {"name": "'Odd'", "number": 90, "description": "'Odd'", "parameters": ()}
     if of == "receiver":

@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import sblcosim
+from quick import one_in
 from sblcosim import cli
 from sblcosim.analysis import workflow
 from sblcosim.analysis.space import analysis as sensitivity
@@ -184,6 +185,7 @@ def test_a_dry_run_knows_the_sample_of_the_folder(tmp_path: Path) -> None:
     (432_000, 432_000, "about 5 days"), (36_000, 1e8, "about 10 h to 1,157 days"),
     (120, 60, "about 2 min"),
 ])  # fmt: skip
+@one_in(3)
 def test_a_dry_run_says_how_long_in_the_unit_that_fits(
     tmp_path: Path, seam: Seam, least: float, most: float, said: str
 ) -> None:

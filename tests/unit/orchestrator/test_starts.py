@@ -14,6 +14,7 @@ import pytest
 import sblcosim
 import sblcosim.cli
 import typer
+from quick import one_in
 from sblcosim.analysis import covariance
 from sblcosim.cli.documents import contents
 from sblcosim.comparison.common.evaluation import levels
@@ -108,6 +109,7 @@ ALIKE = ("paper-scenario-2", "paper-scenario-3", "harbour-wakes", "realistic-sea
 
 
 @pytest.mark.parametrize("name", [it for it in shipped() if it not in ALIKE])
+@one_in(2)
 def test_only_where_the_start_is_told_is_anything_said(name: str, mine: str) -> None:
     own = "long_baseline" if name in ("gps-buoys", "harbour-lbl") else "ekf"
     found = compared([own, mine], name)

@@ -35,6 +35,7 @@ from made_packages import (
     system,
     tag,
 )
+from quick import one_in
 from sblcosim.cli import app
 from sblcosim.data.record import Record
 from sblcosim.errors import ConfigurationWarning
@@ -381,6 +382,7 @@ def test_a_value_passes_straight_through_a_system(made: Callable[..., Path]) -> 
 
 @pytest.mark.parametrize("into", ["input", "parameter", "structuralParameter", "unspecified"])
 @pytest.mark.parametrize("out", ["output", "local", "unspecified"])
+@one_in(3)
 def test_kinds_give_or_take(into: str, out: str, made: Callable[..., Path]) -> None:
     """The table of Allowed Connections; an unspecified kind is what it has to be."""
     turned = (len(into) + len(out)) % 2
