@@ -23,6 +23,7 @@ from ..results.user_responses import values_of
 from ..simulation import execution
 from ..simulation.children.children import Children
 from ..simulation.children.process import patience
+from ..simulation.code.user_code import InFile
 from ..simulation.how import How
 from ..simulation.masters import lanes
 from ..simulation.masters.lanes_driver import LENGTHS, SUMS
@@ -39,7 +40,7 @@ VALUE = "value"
 """Response of a function that replaces the simulation."""
 _NEEDED = ("update_count", "epoch", "position")
 _SHARES = 20
-"""Parts of the calls of a function after which its progress is told."""
+"""Parts of the calls of a function in this process after which its progress is told."""
 
 
 def simulate(
@@ -97,8 +98,9 @@ def _of_function(
         for run in runs
     ]  # fmt: skip
     values = np.empty(len(given))
+    shares = 1 if isinstance(model.function, InFile) else _SHARES  # each takes a new process
     with patience(campaign.step_timeout):
-        for rows in np.array_split(np.arange(len(given)), min(_SHARES, len(given))):
+        for rows in np.array_split(np.arange(len(given)), min(shares, len(given))):
             part = slice(rows[0], rows[-1] + 1)
             values[part] = stand_in.values_of(model, given[part], children)
             how.tell(part.stop / len(given))

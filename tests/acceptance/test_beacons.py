@@ -281,8 +281,8 @@ def test_what_cannot_be_is_said_in_a_line(given: dict[str, Any], words: str) -> 
     ("beacons", "words"),
     [
         ([[i, 0.01 * i**2, 0.5] for i in range(4)], "nearly on one line, 2° from forward"),
-        ([[0, i, 0.5 * i] for i in range(3)], "are on one line, 90° from forward"),
-        ([[1, 1, i] for i in range(3)], "one vertical line"),
+        ([[0, i, 0.5 * i] for i in range(4)], "are on one line, 90° from forward"),
+        ([[1, 1, i] for i in range(4)], "one vertical line"),
     ],
 )
 def test_degenerate_arrangements_are_said_to_be_such(beacons: Any, words: str) -> None:

@@ -68,6 +68,7 @@ class Turns:
         seam.instead(compiler.Compiler.compile, counted)
 
 
+@pytest.mark.slow
 def test_four_at_once_are_the_same_bytes_as_one_after_the_other(
     fresh_cache: Path, monkeypatch: pytest.MonkeyPatch, said: Callable[[], list[str]]
 ) -> None:

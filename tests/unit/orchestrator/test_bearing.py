@@ -57,6 +57,7 @@ def test_it_is_said_of_a_receiver_that_often_does_not_know_it() -> None:
     assert "in 100 % of its estimates" in said[1]
 
 
+@pytest.mark.slow
 def test_a_run_and_its_log_say_it(tmp_path: Path) -> None:
     """Three beacons on short arms, of which most packets are lost: the diver is on a ring."""
     run, log = written(tmp_path, "paper-scenario-1", "coupled", overrides={

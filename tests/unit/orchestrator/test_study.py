@@ -623,19 +623,17 @@ def test_runs_of_some_steps_are_kept_together(seam: Seam) -> None:
     assert runner.kept_together(made, How(workers=4)) == 4 * runner.SIDE_BY_SIDE
 
 
-def test_progress_of_a_function_is_told_while_it_is_called(tmp_path: Path) -> None:
-    (tmp_path / "mine.py").write_text("def own(gps):\n    return 2 * gps\n")
+def test_progress_of_a_function_is_told_while_it_is_called() -> None:
     shares: list[float] = []
-    for model in (f"{tmp_path / 'mine.py'}:own", lambda gps: 2 * gps):
-        shares.clear()
-        made = study.load({
-            "model": model, "design": {"kind": "grid"},
-            "factors": {"gps": {"levels": np.arange(1.0, 51.0).tolist()}},
-        })  # fmt: skip
-        runner.simulated(made, How(progress=shares.append))
-        assert shares == sorted(shares)
-        assert len(shares) >= 20
-        assert shares[-1] == 1.0
+    made = study.load({
+        "model": lambda gps: 2 * gps, "design": {"kind": "grid"},
+        "factors": {"gps": {"levels": np.arange(1.0, 51.0).tolist()}},
+    })  # fmt: skip
+    table = runner.simulated(made, How(progress=shares.append))
+    assert table["<lambda>.value"].tolist() == np.arange(2.0, 102.0, 2.0).tolist()
+    assert shares == sorted(shares)
+    assert len(shares) >= 20
+    assert shares[-1] == 1.0
 
 
 def test_a_part_has_the_runs_of_a_batch_and_progress_counts_them(
