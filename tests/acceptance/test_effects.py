@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from quick import one_in
 from sblcosim.errors import ConfigurationError
 from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.declaration import Variable
@@ -156,6 +157,7 @@ MUCH_ALIKE = (
 @pytest.mark.parametrize("name", [
     pytest.param(name, marks=[pytest.mark.slow] if name in MUCH_ALIKE else []) for name in shipped()
 ])
+@one_in(2)
 def test_the_keys_without_effect_are_those_of_the_declarations(name: str) -> None:
     check(
         load(name, SHORT | {"platform.arm_length_m": 2.9} | MORE.get(name, {})),

@@ -403,6 +403,7 @@ def test_receivers_are_compared_and_chosen_where_they_are_compared(
     assert shown["short"] == ["coupled or ekf", "no difference that is clear of chance"]
 
 
+@pytest.mark.slow
 def test_what_is_possible_is_beside_errors_of_the_same_kind(
     browsing: Callable[..., Tab], tmp_path: Path
 ) -> None:
@@ -490,6 +491,7 @@ def test_what_limits_the_receiver_and_what_to_buy_first_are_those_of_its_causes(
     assert "128 dives each" in shown["note"]
 
 
+@pytest.mark.slow
 def test_water_is_computed_where_one_looks_and_told_from_a_limit(
     browsing: Callable[..., Tab]
 ) -> None:
@@ -591,6 +593,7 @@ def test_water_is_computed_where_one_looks_and_told_from_a_limit(
     assert shown["after"] == [None, "false", True]
 
 
+@pytest.mark.slow
 def test_water_by_what_is_possible(browsing: Callable[..., Tab]) -> None:
     """With the same limit, legend and words; of a boat under way there is a sentence."""
     shown = browsing(SHORT).run(f"""{HELPERS}

@@ -12,6 +12,7 @@ import mpmath
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from quick import one_in
 
 Words = NDArray[np.uint32]
 Array = NDArray[np.float64]
@@ -114,6 +115,7 @@ def philox_python(key: list[int], counter: list[int]) -> list[int]:
 @pytest.mark.parametrize("wide", [True, False], ids=["wide", "baseline"])
 @pytest.mark.parametrize("lanes", [1, 2, 4, 8])
 @pytest.mark.parametrize("compiler", ["gcc", "zig"])
+@one_in(3)
 def test_every_build(
     tmp_path: Path, generator: Generator, compiler: str, lanes: int, wide: bool
 ) -> None:

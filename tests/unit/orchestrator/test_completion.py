@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from quick import one_in
 from sblcosim.cli.common import completion
 from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.target.variables import TRAJECTORIES
@@ -64,6 +65,7 @@ def offered(line: str) -> list[str]:
         ("sblcosim nosuch x", []),
     ],
 )  # fmt: skip
+@one_in(2)
 def test_words_are_offered(line: str, words: list[str]) -> None:
     assert offered(line) == words
 
