@@ -448,6 +448,7 @@ REACHED = (
 """Keys, and what a page then shows."""
 
 
+@pytest.mark.slow
 def test_a_page_says_why_nothing_is_possible(browsing: Callable[..., Tab]) -> None:
     tab = browsing()
     for given, figure, words in REACHED:
@@ -639,6 +640,7 @@ def test_water_by_what_is_possible(browsing: Callable[..., Tab]) -> None:
         "a boat under way leaves every place, so no place has an error of its own", None]
 
 
+@pytest.mark.slow
 def test_what_is_possible_is_computed_by_workers(browsing: Callable[..., Tab]) -> None:
     """Not by the page; work of a worker that ends is done again, with the same numbers."""
     shown = browsing(SHORT).run(f"""{HELPERS}

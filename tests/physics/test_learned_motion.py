@@ -72,6 +72,7 @@ def test_the_tail(name: str) -> None:
     assert long <= 0.01
 
 
+@pytest.mark.slow
 def test_a_diver_on_the_line_of_the_beacons_is_seldom_lost_on_the_wrong_side() -> None:
     """Without a look at the other side, 8 % of the runs are, and the RMS error is 94 m."""
     rms, nees, bad = judged(cell("bottom, 3 nearly on a line", 400, acceleration_psd=LEARNED))

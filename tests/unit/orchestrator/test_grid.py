@@ -10,7 +10,6 @@ import numpy as np
 import pandas as pd
 import pytest
 import sblcosim
-from quick import few
 from sblcosim.analysis import workflow
 from sblcosim.analysis.common import columns
 from sblcosim.analysis.common.conditions import of_choices
@@ -186,7 +185,8 @@ def test_averages_are_taken_before_the_worst() -> None:
     assert chosen[f"ekf.{TOTAL}"].tolist() == [4.0, 0.0]  # not 3.5, the average of the worst
 
 
-@pytest.mark.parametrize("beacons", few([(3, 4), (4, 6)], quick=[(4, 6)]))
+@pytest.mark.slow
+@pytest.mark.parametrize("beacons", [(3, 4), (4, 6)])
 def test_the_number_of_beacons_may_be_a_factor(tmp_path: Path, beacons: tuple[int, int]) -> None:
     made = study.load({
         "scenario": "paper-scenario-1", "replicates": 2, "fixed": {"time": {"duration_s": 5.0}},
