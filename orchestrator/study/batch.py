@@ -100,10 +100,11 @@ def _of_function(
     values = np.empty(len(given))
     shares = 1 if isinstance(model.function, InFile) else _SHARES  # each takes a new process
     with patience(campaign.step_timeout):
-        for rows in np.array_split(np.arange(len(given)), min(shares, len(given))):
-            part = slice(rows[0], rows[-1] + 1)
-            values[part] = stand_in.values_of(model, given[part], children)
-            how.tell(part.stop / len(given))
+        size = max(1, -(-len(given) // shares))
+        for first in range(0, len(given), size):
+            part = given[first : first + size]
+            values[first : first + size] = stand_in.values_of(model, part, children)
+            how.tell((first + len(part)) / len(given))
     columns = _about(campaign, runs) | {f"{model.name}.{VALUE}": values}
     return pd.DataFrame({**columns, **_ends(runs, [None] * len(runs))})
 

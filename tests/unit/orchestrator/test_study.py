@@ -627,10 +627,10 @@ def test_progress_of_a_function_is_told_while_it_is_called() -> None:
     shares: list[float] = []
     made = study.load({
         "model": lambda gps: 2 * gps, "design": {"kind": "grid"},
-        "factors": {"gps": {"levels": np.arange(1.0, 51.0).tolist()}},
+        "factors": {"gps": {"levels": np.arange(1.0, 61.0).tolist()}},
     })  # fmt: skip
     table = runner.simulated(made, How(progress=shares.append))
-    assert table["<lambda>.value"].tolist() == np.arange(2.0, 102.0, 2.0).tolist()
+    assert table["<lambda>.value"].tolist() == np.arange(2.0, 122.0, 2.0).tolist()
     assert shares == sorted(shares)
     assert len(shares) >= 20
     assert shares[-1] == 1.0
