@@ -269,7 +269,10 @@ def _on(state: _State, day: date, moment: Any) -> int:
         return state.time_ns
     number = (day - date(1970, 1, 1)).days
     if not state.dated:  # sentences before it were of this day, too, or of the one before midnight
+        before = state.day
         _at(state, moment)
+        if before is not None and state.day is not None and state.day < before:  # a long silence
+            state.day, state.time_ns = before, state.time_ns + _DAY_NS
         _shift(state, (number - (state.day or 0)) * _DAY_NS)
     state.day, state.dated = number, True
     return _at(state, moment)

@@ -404,6 +404,13 @@ def test_what_came_before_midnight_is_of_the_day_before_the_first_date(
     assert own.tolist() == [-2 * S, -S, S, 3 * S]
 
 
+def test_a_long_silence_before_the_first_date_is_within_its_day(tmp_path: Path) -> None:
+    lines = [_gga("070000.00"), sentence("GPZDA,200000.00,01,03,2024,00,00"), _gga("200001.00")]
+    table = nmea.raw_of(tmp_path / "log.nmea", "\n".join(lines), {}, "").tables["fixes"]
+    own = table["time_ns"] - of_date("2024-03-01T00:00:00Z")
+    assert own.tolist() == [7 * 3600 * S, (20 * 3600 + 1) * S]
+
+
 def test_a_date_without_a_time_moves_the_times_before_it(tmp_path: Path) -> None:
     fix = sentence("USRTH,1,70,-25,24,2,130,-25,0")
     log = _read(tmp_path, _ssb("C", "N", "M", "1", "2", "3", "1", "N", "", ""),
