@@ -3,6 +3,7 @@
 import functools
 import gc
 import os
+import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -25,6 +26,8 @@ from seams import Seam
 
 # A command of typer is the same each time that it is made, from hundreds of signatures.
 typer.main.get_command = typer.testing._get_command = functools.cache(typer.main.get_command)
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # of a shell, for what runs in the background
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 gc.set_threshold(100_000)  # as in the command: what a worker has loaded is not garbage
 
 
