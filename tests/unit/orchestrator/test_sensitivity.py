@@ -537,6 +537,8 @@ def test_what_cannot_be_analysed_is_refused_in_one_line(values, options, message
                                                     "none"),
         (lambda t: pd.concat([t, t[:1]]), "ekf.x",
          "point: must occur once, because the seed is a factor, got 1 twice"),
+        (lambda t: pd.concat([t[4:5], t[4:5]]), "ekf.x",
+         "point: must occur once, because the seed is a factor, got 5 twice"),
         (lambda t: t.assign(point=t["point"] + 1), "ekf.x",
          "point: must be from 1 to 384, the runs of the sample, got 2 to 385"),
         (lambda t: t.assign(seed=t["seed"] + 1), "ekf.x",
