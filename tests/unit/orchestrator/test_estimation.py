@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -396,3 +397,38 @@ def test_estimates_made_after_a_run_must_have_the_columns_of_estimates(
     done = cli("smooth", "made", "--no-figures", "--out", "again")
     assert done.exit_code == 2
     assert f"{file.name}: must be the record of a run, got {got}" in done.stderr
+
+
+def same_twice(table: pd.DataFrame) -> pd.DataFrame:
+    """The second instant is that of the first."""
+    return table.assign(time_s=table["time_s"].where(table.index != 1, table["time_s"][0]))
+
+
+@pytest.mark.parametrize(
+    ("change", "got"),
+    [
+        (same_twice, "no time_s that increases"),
+        (lambda t: t[::-1], "no time_s that increases"),
+        (lambda t: t[:0], "no time_s that increases"),
+        (lambda t: t.drop(columns="time_s"), "no time_s that increases"),
+        (lambda t: t.assign(time_s=t["time_s"].astype("float32")), "no time_s that increases"),
+        (lambda t: t.assign(mood=1.0), "mood"),
+        (lambda t: t.drop(columns="target.position[2]"), "target.position"),
+        (lambda t: t.assign(**{"target.position[1]": "here"}), "target.position[1]"),
+    ],
+)
+def test_a_record_of_an_earlier_version_must_be_that_of_a_run(
+    cli: Callable[..., object], folder: Path, tmp_path: Path,
+    change: Callable[[pd.DataFrame], pd.DataFrame], got: str,
+) -> None:  # fmt: skip
+    copy = tmp_path / "copy"
+    shutil.copytree(folder, copy)
+    manifest, file = copy / "manifest.json", copy / "record.parquet"
+    about = json.loads(manifest.read_text())
+    del about["hashes"], about["sha256"]
+    manifest.write_text(json.dumps(about))
+    change(pd.read_parquet(file)).to_parquet(file, index=False)
+    done = cli("smooth", copy, "--no-figures", "--out", "again")
+    assert done.exit_code == 2
+    assert f"record.parquet: must be the record of a run, got {got}\n" in done.stderr
+    assert not (tmp_path / "again").exists()
