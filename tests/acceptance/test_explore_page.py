@@ -1076,6 +1076,25 @@ def test_the_page_fits_its_window_and_every_control_has_a_name(
     assert min(shown["canvases"]) > 100
 
 
+def test_figures_keep_their_heights(browsing: Callable[..., Tab]) -> None:
+    tab = browsing()
+    tab.run(f"{HELPERS} await computed();")
+    for width in (1393, 1134, 1250, 1700):  # in the first two, a bitmap is higher than its frame
+        tab.call(
+            "Emulation.setDeviceMetricsOverride",
+            width=width, height=900, deviceScaleFactor=1, mobile=False,
+        )
+        before, after = tab.run("""
+          const heights = () =>
+            [...document.querySelectorAll("canvas")].map((it) => it.clientHeight);
+          for (let i = 0; i < 10; i++) await frame();
+          const before = heights();
+          for (let i = 0; i < 10; i++) await frame();
+          return [before, heights()];
+        """)
+        assert before == after, width
+
+
 def test_a_browser_without_webassembly_gets_a_sentence(page: Path, tmp_path: Path) -> None:
     tab = Tab(tmp_path)
     try:
