@@ -185,3 +185,8 @@ def test_one_run_of_a_right_covariance_is_rarely_called_too_little(
 )  # fmt: skip
 def test_what_one_run_says_of_a_claim(nees: float, claim: str) -> None:
     assert of_runs([nees]).claim == claim
+
+
+def test_a_factor_that_is_just_told_fits() -> None:
+    assert replace(of_runs([3.6]), factor=TELLING).claim == "fits"
+    assert replace(of_runs([3.6]), factor=np.nextafter(TELLING, 2)).claim == "perhaps optimistic"

@@ -7,6 +7,7 @@ from sblcosim.data.record import Record
 from sblcosim.data.truth import Truth
 from sblcosim.errors import FmuError
 from sblcosim.judge import metrics, over_runs
+from sblcosim.results.responses import RESPONSES, Run, value_of
 from scipy.stats import chi2
 from synthetic_record import judged_in, make_record, silent, summary, track
 
@@ -206,6 +207,16 @@ def test_updates_without_a_measurement_do_not_count_in_the_nis():
     record = Record(record.time_ns, values)
     row = summary(record, ["ekf"]).loc["ekf"]
     assert row.nis == pytest.approx(6)
+
+
+def test_nis_without_degrees_is_that_of_the_updates_with_a_measurement() -> None:
+    record = make_record()
+    values = {k: v for k, v in record.values.items() if k != "ekf.nis_degrees"}
+    k = np.arange(101.0)
+    run = Run(Record(record.time_ns, {**values, "ekf.nis": np.where(k % 7 == 3, np.nan, k)}), "ekf")
+    mean = k[2:][k[2:] % 7 != 3].mean()
+    assert value_of(RESPONSES["nis"], run) == pytest.approx(mean)
+    assert value_of(RESPONSES["nis_degrees"], run) == 0
 
 
 @pytest.mark.parametrize(("error", "flag"), [(0.1, False), (1.0, True)])

@@ -464,7 +464,7 @@ def test_sums_and_metrics_of_a_record_agree(start_s: int, step_s: float) -> None
 def test_nis_without_degrees_counts_as_in_the_metrics() -> None:
     record = make_record()
     values = {k: v for k, v in record.values.items() if k != "ekf.nis_degrees"}
-    values["ekf.nis"] = np.where(np.arange(101) % 7, 4.0, np.nan)
+    values["ekf.nis"] = np.where(np.arange(101) % 7, np.arange(101.0), np.nan)
     record = replace(record, values=values)
     hold_metrics_to(sums_of(Run(record, "ekf")), record, "ekf")
 

@@ -1106,6 +1106,9 @@ def test_bounds_of_a_design_hold_in_each_condition(response: str) -> None:
             own = arms[arms["condition"] == row["condition"]].iloc[0]
             ends = ("share_lower", "share_upper") if flag else ("lower", "upper")
             others += any(own[end] != row[end] and np.isfinite(row[end]) for end in ends)
+            keys = ["verdict", "estimate"]
+            alike = arms[(arms[keys] == own[keys]).all(axis=1)]
+            assert own["passed"] / own["runs"] == (alike["passed"] / alike["runs"]).min()
             assert row["condition"] in names
     assert others
 

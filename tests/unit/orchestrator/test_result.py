@@ -16,6 +16,7 @@ from sblcosim.data.record import Record
 from sblcosim.errors import ConfigurationError
 from sblcosim.results.result import FIGURES as FIGURES_OF_A_RUN
 from sblcosim.results.result import Result
+from sblcosim.results.text import overview
 from sblcosim.scenario.scenario import shipped
 from synthetic_record import make_record, silent
 
@@ -234,8 +235,11 @@ def test_small_errors_are_pessimistic_in_words():
 def test_nis_of_unknown_degrees_is_not_compared():
     record = make_record()
     values = {name: v for name, v in record.values.items() if name != "ekf.nis_degrees"}
+    k = np.arange(101.0)
+    values["ekf.nis"] = np.where(k % 7 == 3, np.nan, k)
     text = told(run_of(("ekf",), Record(record.time_ns, values)))
-    assert "mean NIS 5.00, of unknown degrees of freedom" in text
+    mean = k[2:][k[2:] % 7 != 3].mean()
+    assert f"mean NIS {mean:.2f}, of unknown degrees of freedom" in text
 
 
 def test_long_labels_keep_the_table_s_columns_in_line():
@@ -333,6 +337,18 @@ def test_the_horizontal_error_is_told_first_only_where_it_differs():
     assert "horizontal" not in flat
     (row,) = [line.split() for line in deep.splitlines() if "horizontal" in line]
     assert row == ["horizontal", "5.00", "5.00", "5.00", "5.00"]
+
+
+@pytest.mark.parametrize(("width", "name"), [
+    (80, "a_receiver_with_a_rather_long_name"), (60, "a_receiver_with_…ather_long_name"),
+    (50, "a_receiver_…_long_name"), (40, "a_receiv…ng_name"), (30, "a_receiv…ng_name"),
+])  # fmt: skip
+def test_names_are_shortened_to_what_the_columns_leave(width: int, name: str) -> None:
+    labels = ("a_receiver_with_a_rather_long_name", "ekf")
+    result = run_of(labels, make_record(dict.fromkeys(labels, np.ones((1, 3)))))
+    rows = [line for line in overview(result, width) if "   1." in line]
+    assert rows[0].startswith(f"{name}   1.73")
+    assert {len(row) for row in rows} == {len(name) + 28}
 
 
 @pytest.mark.parametrize("width", [60, 72, 80, 100, 120, 200])
