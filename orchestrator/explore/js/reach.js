@@ -9,17 +9,25 @@ const DEGREES = 180 / Math.PI;
 
 /**
  * From `explorer.possible`, null while it is not known, and the summary of `explorer.dives`, if there is
- * one. All of them are RMS errors: the possible one must not be compared with a 95 % error.
+ * one. All of them are RMS errors of the same dives, the first ones: the possible one must not be compared
+ * with a 95 % error, nor with other dives.
  */
 export function showReach(found, summary, main) {
-  const own = found?.receivers?.[main], rms = summary?.receivers[main]?.rms;
+  const own = found?.receivers?.[main], reached = reachedIn(found?.dives, summary), rms = reached[main];
   put($("possible"), !found ? "…" : !own ? "–" : own.accuracy ? length(own.absolute) : "none");
   const best = own?.kind === "bound" ? "RMS: no receiver can do better" : "RMS error of a perfect receiver";
-  put($("reached"), `${best}${Number.isFinite(rms) ? `; ${main} has ${length(rms)}` : ""}`);
-  put($("reach"), found ? [...said(found, own, summary?.receivers ?? {}, main)].join(" ") : "…");
+  put($("reached"), `${best}${rms ? `; ${main} has ${length(rms)} in ${found.dives > 1 ? `these ${found.dives} dives` : "this dive"}` : ""}`);
+  put($("reach"), found ? [...said(found, own, reached, main)].join(" ") : "…");
 }
 
-function* said(found, own, receivers, main) {
+// RMS errors of receivers over the first dives, by label; without those that have none in some of them.
+function reachedIn(dives, summary) {
+  const all = Object.entries(summary?.receivers ?? {}).map(([label, { each }]) => [label, each.rms.slice(0, dives)]);
+  return Object.fromEntries(all.filter(([, own]) => own.length === dives && own.every(Number.isFinite)).map(
+    ([label, own]) => [label, Math.sqrt(own.reduce((sum, it) => sum + it * it, 0) / dives)]));
+}
+
+function* said(found, own, reached, main) {
   if (found.why) yield `What is possible is ${found.why}.`;
   else if (!own) yield `What is possible is judged where a receiver has estimates, and ${main} has none.`;
   else if (!own.accuracy) yield noAccuracy(own);
@@ -28,14 +36,13 @@ function* said(found, own, receivers, main) {
     yield own.kind === "bound"
       ? `With the pings of ${first(found.dives)}, no receiver can have an RMS error below ${best} on average.`
       : `With the pings of ${first(found.dives)}, the best receiver would have an RMS error of about ${best}.`;
-    const words = Object.keys(own.leftOut), reached = Object.entries(receivers).filter(
-      ([, { rms }]) => Number.isFinite(rms));
+    const words = Object.keys(own.leftOut), labels = Object.keys(reached);
     if (words.length)
       yield `That leaves out ${listed(words)}; ${Number.isFinite(own.all)
         ? `with this, about ${length(own.all)} is possible` : "how much this adds is not known"}.`;
-    if (reached.length)
-      yield `Here, ${listed(reached.map(([name, { rms }], i) => `${name} ${i ? "" : "has "}${length(rms)}`))}.`;
-    yield* advice(own, receivers[main]?.rms, words.length);
+    if (labels.length)
+      yield `There, ${listed(labels.map((it, i) => `${it} ${i ? "" : "has "}${length(reached[it])}`))}.`;
+    yield* advice(own, reached[main], words.length);
   }
 }
 
