@@ -427,7 +427,7 @@ def test_what_is_possible_is_beside_errors_of_the_same_kind(
     many = run_many(scenario, ("coupled", "ekf"), runs=8).runs
     rms = {it: many.level(NAME, it)["rms_over_runs"] for it in ("coupled", "ekf")}
     assert shown["possible"] == f"{best:.1f} m"
-    has = f"coupled has {rms['coupled']:.1f} m in these 8 dives"
+    has = f"coupled has {rms['coupled']:.1f} m in the first 8 dives"
     assert shown["reached"] == f"RMS error of a perfect receiver; {has}"
     assert (
         f"RMS error of about {best:.1f} m. There, coupled has {rms['coupled']:.1f} m, "

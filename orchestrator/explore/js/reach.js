@@ -16,7 +16,7 @@ export function showReach(found, summary, main) {
   const own = found?.receivers?.[main], reached = reachedIn(found?.dives, summary), rms = reached[main];
   put($("possible"), !found ? "…" : !own ? "–" : own.accuracy ? length(own.absolute) : "none");
   const best = own?.kind === "bound" ? "RMS: no receiver can do better" : "RMS error of a perfect receiver";
-  put($("reached"), `${best}${rms ? `; ${main} has ${length(rms)} in ${found.dives > 1 ? `these ${found.dives} dives` : "this dive"}` : ""}`);
+  put($("reached"), `${best}${rms ? `; ${main} has ${length(rms)} in ${first(found.dives)}` : ""}`);
   put($("reach"), found ? [...said(found, own, reached, main)].join(" ") : "…");
 }
 
