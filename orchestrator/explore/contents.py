@@ -12,8 +12,9 @@ from sblcosim.fmus.build import bound
 from sblcosim.fmus.platforms import WASM
 from sblcosim.models import RECEIVERS
 from sblcosim.models.acoustics.contents import CONTENTS, PLACED
-from sblcosim.models.acoustics.ranging import RANGINGS
+from sblcosim.models.acoustics.ranging import INVERTED, RANGINGS
 from sblcosim.models.ports import BEACONS
+from sblcosim.models.receiver.receivers import FOUND
 from sblcosim.models.settings.assumptions import PARAMETERS
 from sblcosim.models.settings.keys import starts
 
@@ -21,6 +22,7 @@ from ..data.arms import LONGEST_ARM
 from ..errors import ConfigurationError
 from ..judge.definitions import LOST, MISLEADING
 from ..scenario import settings, sources, water
+from ..scenario.doubts import PINGS
 from ..scenario.error_sources import FLOOR, SOURCES, Source
 from ..scenario.filling import DEFAULT_RECEIVER
 from ..scenario.labels import RAW
@@ -236,6 +238,13 @@ def _rules(scenario: Scenario) -> dict[str, Any]:
         "receiver": DEFAULT_RECEIVER,
         "receiver_keys": {
             name: [v.key for v in it.of("parameter")] for name, it in RECEIVERS.items()
+        },
+        "doubts": {
+            "receivers": {
+                name: {"purpose": it.purpose, "unfit": {**it.unfit}} for name, it in FOUND.items()
+            },
+            "pings": {name: [f"acoustics.{key}", words] for name, (key, words) in PINGS.items()},
+            "inverted": [*INVERTED],
         },
         "lag": LAG,
         "legs": {name: it.legs for name, it in RANGINGS.items()},

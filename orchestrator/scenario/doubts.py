@@ -27,6 +27,15 @@ PURPOSES: Mapping[str, str] = {name: it.purpose for name, it in FOUND.items() if
 
 SOUND = (1350.0, 1650.0)
 """Range of sound speeds in any diving water, with a margin [m/s]."""
+PINGS: Mapping[str, tuple[str, str]] = {
+    "unheard": ("ranging", "no array hears a ping of the diver: try coupled"),
+    "no pose": ("packet_content", "packets say nothing of the array's pose ({}): try coupled"),
+    "differences": ("common_clock", "there are no ranges, only differences ({}): try array"),
+    "common": (
+        "range_common_std_m", "all arrivals of a ping share most of their error ({}): try array"
+    ),
+}
+"""What is wrong with receivers for arrivals of a ping: the key of the channel, and the words."""
 STEEPEST = 7.0
 """Length of a wave in deep water, in heights, below which it breaks (J. H. Michell, 1893)."""
 
@@ -160,14 +169,15 @@ def _of_receivers(scenario: Scenario, chosen: Mapping[str, Source]) -> Iterator[
         if declared is None:
             continue
         what = declared.unfit.get(beacons) if beacons is not None else None
-        if what is None and ours is not None:
-            what = _of_pings(scenario, ours)
+        if what is None and ours is not None and (found := _of_pings(scenario, ours)) is not None:
+            key, words = PINGS[found]
+            what = words.format(scenario.where("acoustics", key))
         if what is not None:
             yield f"receiver {label}: is for {declared.purpose}; here {what}"
 
 
 def _of_pings(scenario: Scenario, declared: ReceiverDeclaration) -> str | None:
-    """What is wrong with one of our receivers for what arrivals of a ping share."""
+    """Which of `PINGS` holds for one of our receivers."""
     acoustics = scenario.acoustics
     if acoustics.fmu is not None:
         return None
@@ -175,16 +185,10 @@ def _of_pings(scenario: Scenario, declared: ReceiverDeclaration) -> str | None:
     names = {v.name for v in declared.component.of("parameter")}
     if "range_common_std" in names:
         if not inverted:
-            return "no array hears a ping of the diver: try coupled"
-        if CONTENTS[acoustics.packet_content].only_own:
-            where = scenario.where("acoustics", "packet_content")
-            return f"packets say nothing of the array's pose ({where}): try coupled"
-        return None
+            return "unheard"
+        return "no pose" if CONTENTS[acoustics.packet_content].only_own else None
     claims = "clock_std" in names  # others are for comparisons, or take no errors of a system
     if inverted and not acoustics.common_clock and "beacon_position_source" not in names:
-        where = scenario.where("acoustics", "common_clock")
-        return f"there are no ranges, only differences ({where}): try array"
-    if claims and inverted and acoustics.range_common_std_m > acoustics.range_std_m:
-        where = scenario.where("acoustics", "range_common_std_m")
-        return f"all arrivals of a ping share most of their error ({where}): try array"
-    return None
+        return "differences"
+    common = acoustics.range_common_std_m > acoustics.range_std_m
+    return "common" if claims and inverted and common else None

@@ -40,7 +40,9 @@ from sblcosim.errors import ConfigurationError, SblcosimError
 from sblcosim.explore.contents import contents, is_possible
 from sblcosim.explore.page import render
 from sblcosim.judge.pooling import PERCENTAGES, WEIGHTS
+from sblcosim.models.receiver.receivers import FOUND
 from sblcosim.results.responses import Percentile, Run, value_of
+from sblcosim.scenario.doubts import doubts
 from sblcosim.scenario.scenario import Scenario, load
 from sblcosim.scenario.schema import FILES, TABLES
 from sblcosim.web.playback import of_record
@@ -178,6 +180,41 @@ def axes(track: Mapping[str, Any]) -> np.ndarray[Any, Any]:
 
 
 # --- The same words ------------------------------------------------------------------------------
+
+
+KINDS = {
+    "platform.gps_shared": (True, False), "platform.mounting_std_m": (0.0, 0.2),
+    "acoustics.ranging": ("one_way", "two_way", "inverted", "inverted"),
+    "acoustics.common_clock": (True, False), "acoustics.range_common_std_m": (0.0, 0.05, 1.0),
+    "acoustics.packet_content": ("everything", "own_beacon", "all_beacons", "pose"),
+}  # fmt: skip
+"""Keys that decide for which receivers a scenario is."""
+
+
+def test_receivers_are_doubted_in_the_same_words(told: Mapping[str, Any], tmp_path: Path) -> None:
+    numbers, seen, platform = random.Random(3), set(), load(NAME).platform
+    zeros = {  # of errors of the GPS and the IMU, and of the waves
+        f"platform.{key}": tuple(0.0 for _ in value) if isinstance(value, tuple) else 0.0
+        for key in (*told["bound"]["sensors"], *told["bound"]["motions"][platform.motion])
+        if (value := getattr(platform, key))
+    }
+    given = [
+        {**(zeros if numbers.random() < 0.4 else {}),
+         **{key: numbers.choice(of) for key, of in KINDS.items()}}
+        for _ in range(250)
+    ]  # fmt: skip
+    jobs = [{"settings": {"given": as_typed(it)}, "ask": ["doubts"]} for it in given]
+    for keys, answer in zip(given, answers(told, jobs, tmp_path), strict=True):
+        if answer["refused"] is not None:
+            continue
+        scenario, expected = load(NAME, keys.items()), dict.fromkeys(FOUND, "")
+        for said in doubts(scenario, {name: name for name in FOUND}):
+            label, _, words = said.removeprefix("receiver ").partition(": is for ")
+            if label in FOUND:
+                expected[label] = f"For {words.replace('(override ', '(')}."
+        assert answer["doubts"] == expected, keys
+        seen |= {*expected.values()}
+    assert len(seen) == 1 + 4 + 4 + 4 + 3  # none, and for each receiver what can be wrong
 
 
 @pytest.mark.parametrize("count", few([150, 3000], quick=[150]))

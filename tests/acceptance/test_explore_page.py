@@ -16,6 +16,7 @@ import pytest
 import sblcosim
 from browser import BROWSER, FIREFOX, Fox, Tab
 from explored import values
+from quick import few
 from sblcosim.comparison.many.run import run_many
 from sblcosim.errors import SblcosimError
 from sblcosim.explore.contents import contents
@@ -103,7 +104,7 @@ def test_what_is_shown_are_the_numbers_of_the_command_line(
       const [receiver] = page.stage.run.receivers, last = receiver.epoch.length - 1;
       return {{ before, toml: page.explorer.toml(), command: $("command").textContent,
         within: $("within").textContent, half: $("half").textContent,
-        compared: all("#compared tr").map((it) => [it.dataset.receiver,
+        compared: all("#compared [data-receiver]").map((it) => [it.dataset.receiver,
           ...[...it.querySelectorAll("td")].map((cell) => cell.textContent)]),
         best: [$("best").textContent, $("best-note").textContent], holds: $("holds").textContent,
         blue: all("#controls .changed").map((it) => it.dataset.path), which: $("which").textContent,
@@ -369,8 +370,8 @@ def test_receivers_are_compared_and_chosen_where_they_are_compared(
       change($("count"), "{DIVES}");
       await settle();
       await until(() => $("so-far").textContent === "{DIVES} dives");
-      const row = (name) => all("#compared tr").find((it) => it.dataset.receiver === name);
-      const told = () => [page.explorer.receivers, all("#compared tr").filter(
+      const row = (name) => document.querySelector(`#compared [data-receiver=${{name}}]`);
+      const told = () => [page.explorer.receivers, all("#compared [data-receiver]").filter(
         (it) => it.querySelector("td").textContent).map((it) => it.dataset.receiver),
         $("main-receiver").value, row("coupled").classList.contains("own"),
         $("best-note").textContent];
@@ -401,6 +402,24 @@ def test_receivers_are_compared_and_chosen_where_they_are_compared(
     assert shown["explained"]
     assert "in its last quarter" in shown["words"]
     assert shown["short"] == ["coupled or ekf", "no difference that is clear of chance"]
+
+
+@pytest.mark.parametrize("width", few([1400, 390], quick=[390]))
+def test_receivers_for_other_beacons_are_doubted(browsing: Callable[..., Tab], width: int) -> None:
+    before, after, seen = browsing(width=width).run(f"""{HELPERS}
+      change($("count"), "{DIVES}");
+      await computed();
+      const doubt = document.querySelector("[data-doubt=coupled]");
+      const before = doubt.textContent;
+      page.explorer.apply({{ given: {{ "platform.gps_shared": false }} }});
+      page.changed();
+      await until(() => doubt.textContent);
+      return [before, doubt.textContent, doubt.checkVisibility()];
+    """)
+    assert before == ""
+    assert after.startswith("For beacons on one platform, which share the errors of its GPS and")
+    assert "here each buoy has its own GPS" in after
+    assert seen
 
 
 @pytest.mark.slow

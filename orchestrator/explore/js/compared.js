@@ -16,7 +16,7 @@ export class Comparison {
   constructor(page) {
     this.page = page;
     this.rows = new Map(page.explorer.types.map((name) => [name, this.row(name)]));
-    $("compared").append(...[...this.rows.values()].map((it) => it.row));
+    $("compared").append(...[...this.rows.values()].flatMap((it) => [it.row, it.doubt]));
     $("words").prepend(...page.explorer.types.flatMap((name) => [
       element("dt", { class: "narrow" }, name), element("dd", { class: "narrow" }, WORDS[name] ?? "")]));
     const { lost, misleading } = page.explorer.words;
@@ -26,6 +26,7 @@ export class Comparison {
 
   row(name) {
     const cells = Array.from({ length: 6 }, () => element("td"));
+    const doubt = element("tr", { class: "doubt", "data-doubt": name, hidden: true }, element("td", { colspan: 8 }));
     const mark = element("span"), box = element("input", {
       type: "checkbox", "data-compare": name, "aria-label": `Compare ${name}`, disabled: name === "raw" });
     box.addEventListener("change", () => this.page.receivers.compare(name, box.checked));
@@ -35,7 +36,7 @@ export class Comparison {
       element("th", { scope: "row" }, element("label", {}, box, mark, element("b", {}, ...breakable(name))),
         element("span", { class: "note" }, WORDS[name] ?? "")),
       ...cells, element("td", {}, use));
-    return { row, cells, mark, box, use };
+    return { row, cells, mark, box, use, doubt };
   }
 
   // The button goes away; where the focus was, people go on.
@@ -59,8 +60,10 @@ export class Comparison {
 
   take(receivers, styles, main) {
     const best = bestOf(receivers), own = receivers[main];
-    const left = [...this.rows.keys()].filter((name) => !receivers[name]);
-    for (const [name, { row, cells, mark }] of this.rows) {
+    const left = [...this.rows.keys()].filter((name) => !receivers[name]), { doubts } = this.page.explorer;
+    for (const [name, { row, cells, mark, doubt }] of this.rows) {
+      put(doubt.firstChild, doubts[name] ?? "");
+      doubt.hidden = !doubts[name];
       const found = receivers[name];
       row.classList.toggle("best", name === best.name);
       mark.replaceChildren(...(found && styles[name] ? [swatch(styles[name])] : []));

@@ -33,6 +33,7 @@
 //   isUnderWay                 whether the boat moves along a course or a track
 //   seed, setSeed(seed)
 //   types, receivers, setReceivers(["coupled", "ekf", "raw"])
+//   doubts                     what is wrong with receivers for the beacons and ranges, by name, or ""
 //   toml(), command()          scenario file and command line with the same numbers to the bit
 //   link(), Explorer.settingsOf(hash)   settings in the part of an address after #
 // Results. A result of a state that no longer holds is never delivered: it is null.
@@ -60,6 +61,7 @@ import { Engine, Pool } from "../../wasm/engine.js";
 import { drawsLosses } from "./area.js";
 import { isOnTrack, isUnderWay } from "./boat.js";
 import { problemsOf, problemsOfTimes } from "./checks.js";
+import { doubtsOf } from "./doubts.js";
 import { beaconsOf, filled } from "./filling.js";
 import { brief, nanoseconds, settled, written } from "./numbers.js";
 import { causesOf, hasEffect, switchesOf } from "./limits.js";
@@ -594,6 +596,9 @@ export class Explorer {
 
   /** What causes switch: see `switchesOf`. */
   get switches() { return switchesOf({ ...this.#data, byPath: this.byPath }, this.#state); }
+
+  /** What is wrong with receivers; see the head of this file. */
+  get doubts() { return doubtsOf((path) => this.#state.values.get(path), this.#data.rules, this.#kit.facts); }
 
   /** What limits the first receiver; see the head of this file. */
   async causes(onPart = () => {}, count = CAUSES) {

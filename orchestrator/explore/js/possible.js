@@ -126,13 +126,17 @@ function median(values) {
 
 // --- The model -----------------------------------------------------------------------------------
 
-// Whether the beacons have only errors of their own: buoys, or a survey.
-function hasOwnErrors(of, { motions, sensors }) {
-  const any = (keys) => keys.some((key) => [of(`platform.${key}`) ?? 0].flat().some((it) => it));
+const any = (of, keys) => keys.some((key) => [of(`platform.${key}`) ?? 0].flat().some((it) => it));
+
+/** Whether the beacons have only errors of their own: buoys, or a survey. */
+export function hasOwnErrors(of, { motions, sensors }) {
   if (!of("platform.gps_shared")) return true;
-  const moves = isUnderWay(of) || any(motions[of("platform.motion")]);
-  return of("platform.mounting_std_m") > 0 && !moves && !any(sensors);
+  const moves = isUnderWay(of) || any(of, motions[of("platform.motion")]);
+  return of("platform.mounting_std_m") > 0 && !moves && !any(of, sensors);
 }
+
+/** Whether the beacons share the errors of one platform's GPS and IMU. */
+export const sharesErrors = (of, { sensors }) => of("platform.gps_shared") && any(of, sensors);
 
 // Standard deviations of ranges for a receiver's model [m]; `common`: of what a ping shares.
 function rangeStds({ acoustics, starts, timed }, isArray) {
