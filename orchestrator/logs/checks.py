@@ -21,6 +21,7 @@ from ..words.lists import first_of, listed
 from .columns import AT_ARRIVAL, FARTHEST, FROM_DIVER, KINDS, SIGNED, TABLES, TIMES
 from .log import Log, Receptions
 from .meta import BEACONS, Meta, meta_of
+from .rates import check_rate
 from .raw import REPEATED
 from .times import MISSING, fast, in_nanoseconds, whole
 from .times import NAMES as TIME_COLUMNS
@@ -50,6 +51,8 @@ _NUMBERS = (
     *(f"platform_{angle}_rad" for angle in ("roll", "pitch", "yaw")),
 )
 """Columns of receptions whose cells must be numbers or empty."""
+_ONE = {"depth": "a depth", "truth": "a true position", "fixes": "a position"}
+"""What a row of a table is."""
 _PACKET = re.compile(r"packet_(.+)_([ned])_m")
 
 
@@ -157,6 +160,7 @@ def _receptions(raw: Raw, meta: Meta) -> tuple[Receptions, tuple[str, ...]]:
     untimed = ((table["arrival"] == MISSING) & (table["epoch"] == MISSING)).to_numpy(bool)
     table = _without(raw, "receptions", table, untimed, "no time")
     table = _without(raw, "receptions", table, (table["beacon"] == "").to_numpy(), "no beacon")
+    check_rate(raw, "receptions", table, ("arrival", "epoch"), "a range of a beacon", "beacon")
     table = _with_both_times(table, meta)
     same = table.duplicated(["arrival", "epoch", "beacon", "range"]).to_numpy()
     table = _without(raw, "receptions", table, same, "the same as one before")
@@ -480,6 +484,7 @@ def _timed(
         table[column] = numbers(table[column])
         bad = ~(table[column].abs() <= FARTHEST).to_numpy()
         table = _without(raw, name, table, bad, f"no {column} within 1,000 km")
+    check_rate(raw, name, table, ("time",), _ONE[name])
     return _in_order(raw, name, table, "time")
 
 
