@@ -603,3 +603,19 @@ def test_fast_devices_echoes_repeats_and_pings_at_once_are_no_other_unit() -> No
     again = pings(3 * S)
     again["arrival_ns"] = [k // 12 * S for k in range(24)]
     assert len(checked(receptions=again).receptions) == 6
+
+
+def test_numbers_with_a_decimal_comma_are_told_with_the_key_that_reads_them() -> None:
+    log = checked(
+        receptions=pings(3 * S, 6, range_m=["20,5", "20.5", " ,5", "2,5,1", "a,5", "-1,5e2"]),
+        depth={"time_ns": [S, 2 * S, 3 * S], "depth_m": ["3,5", "3.5", "x"]},
+        truth={"time_ns": [S, 2 * S], "n_m": ["1", "1,0"], "e_m": ["1,0", "1"], "d_m": ["1", "1"]},
+    )
+    said = 'a number with a decimal comma, which decimal = "," in [mapping.{}] reads'
+    lines = {(it.table, it.line): it.what for it in log.findings}
+    assert lines == {
+        **{("receptions", line): said.format("receptions") for line in (2, 4, 7)},
+        **{("receptions", line): "a number that cannot be read" for line in (5, 6)},
+        ("depth", 2): said.format("depth"), ("depth", 4): "no depth_m within 1,000 km",
+        ("truth", 2): said.format("truth"), ("truth", 3): said.format("truth"),
+    }
