@@ -51,8 +51,8 @@ def refined(ranges: Ranges, parameters: Floats, begin: Filtered) -> Filtered | N
         A, b = problem.normal(x)
         try:
             solved = splu(A)
-        except RuntimeError as problem:  # "Factor is exactly singular"
-            raise np.linalg.LinAlgError(str(problem)) from None
+        except RuntimeError as error:  # "Factor is exactly singular"
+            raise np.linalg.LinAlgError(str(error)) from None
         step = solved.solve(b)
         x = x + step
         if np.abs(step[problem.constants]).max() < _MOVED:

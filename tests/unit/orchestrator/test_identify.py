@@ -48,6 +48,7 @@ from sblcosim.logs.log import Log
 from sblcosim.processing.workflow import process
 from scipy import stats
 from scipy.integrate import quad
+from scipy.linalg import solveh_banded
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
 
@@ -780,7 +781,7 @@ def test_a_silence_after_which_the_diver_may_be_anywhere_is_refused(
     def taking(*_: Any) -> None:
         raise taken
 
-    monkeypatch.setattr(device, "_depth", taking)
+    monkeypatch.setattr(device, "noise_of", taking)
     with pytest.raises(ConfigurationError if refused else OSError) as found:
         sblcosim.identify(log)
     assert found.value is taken or str(found.value) == (
@@ -796,13 +797,14 @@ def test_ranges_without_a_solution_are_refused_in_words(
     solved: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Neither the words of a solver nor a warning of it."""
-    def failing(*_: Any) -> Any:
-        if not solved:
-            time = np.arange(600) * 1e-6
-            smoothed(time, 8.0 + time, 0.01, 1e-3)
+    def unsolved(*_: Any, **__: Any) -> Any:
+        return solveh_banded([[0.0, 9.0], [1.0, 1.0]], [1.0, 1.0])
+
+    def without_numbers(*_: Any) -> Any:
         return SimpleNamespace(motion=SimpleNamespace(parameters=np.sqrt([-1.0])))
 
-    monkeypatch.setattr(device, "_device", failing)
+    name, failing = ("Device", without_numbers) if solved else ("fit", unsolved)
+    monkeypatch.setattr(device, name, failing)
     with pytest.raises(ConfigurationError, match=r"^log: must have ranges and depths that .* got "
                                                  r"60 ranges in 59\.0 s that none explains"):
         sblcosim.identify(made(seconds=60))
