@@ -39,12 +39,20 @@ def refined(ranges: Ranges, parameters: Floats, begin: Filtered) -> Filtered | N
     Filtered or None
         As the filter's, of one set, with all constants at their places; the other states are 0.
         None if the steps do not end.
+
+    Raises
+    ------
+    LinAlgError
+        The equations of a step have no solution.
     """
     problem = _Problem(ranges, parameters, begin.by_range)
     x = problem.begin(begin)
     for _ in range(PASSES):
         A, b = problem.normal(x)
-        solved = splu(A)
+        try:
+            solved = splu(A)
+        except RuntimeError as error:  # "Factor is exactly singular"
+            raise np.linalg.LinAlgError(str(error)) from None
         step = solved.solve(b)
         x = x + step
         if np.abs(step[problem.constants]).max() < _MOVED:

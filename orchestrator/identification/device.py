@@ -12,6 +12,7 @@ from scipy.special import chdtri, stdtrit
 from ..data.estimates import Floats, Integers
 from ..data.samples import Samples
 from ..errors import ConfigurationError
+from ..words.numbers import rounded
 from . import positions
 from .batch import refined
 from .fit import Fit, fit, without_late
@@ -31,6 +32,8 @@ NONE_LATE: Told = "no late ranges beyond noise"
 MOST_RANGES = 12_000
 """Number of ranges that the likelihood takes; of more, whole rounds are left out evenly."""
 MOST_READINGS = 3_000
+LONGEST_SILENCE_S = 3600.0
+"""Longest time without a range [s]: after it the diver may be anywhere, and sums lose digits."""
 _ROUND_TRIP = 1e6
 _Z = 1.959964
 _VAGUE = 0.5
@@ -216,9 +219,39 @@ def device_of(samples: Samples, body: Floats | None = None, known: Assumed | Non
     Raises
     ------
     ConfigurationError
-        There are too few ranges, or too many beacons.
+        There are too few ranges, or too many beacons, a silence is too long, or no path explains
+        the times and ranges.
     """
-    known = known or Assumed()
+    try:
+        with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+            found = _device(samples, body, known or Assumed())
+    except np.linalg.LinAlgError:
+        found = None
+    if found is None or not np.isfinite(found.motion.parameters).all():
+        raise ConfigurationError(
+            "log: must have ranges and depths that the path of a diver explains, to identify a "
+            f"device, got {len(samples.range):,} ranges in "
+            f"{rounded(float(np.ptp(samples.range_ns)) / 1e9)} s that none explains: check their "
+            "times and units"
+        )
+    return found
+
+
+def _check_silences(samples: Samples) -> None:
+    time = np.sort(samples.range_ns)
+    pause = np.diff(time) / 1e9
+    longest = int(np.argmax(pause))
+    if pause[longest] > LONGEST_SILENCE_S:
+        raise ConfigurationError(
+            f"log: must have a range at least every {LONGEST_SILENCE_S:,.0f} s, to identify a "
+            f"device, got none for {pause[longest]:,.0f} s, after the first "
+            f"{(time[longest] - time[0]) / 1e9:,.0f} s of ranges: if its clock jumps there, put it "
+            "right; else identify one part"
+        )
+
+
+def _device(samples: Samples, body: Floats | None, known: Assumed) -> Device:
+    """The same, whether or not its numbers are finite."""
     beacons = len(set(samples.beacon.tolist()))
     if len(samples.range) < 30 or beacons < 3:
         raise ConfigurationError(
@@ -228,6 +261,7 @@ def device_of(samples: Samples, body: Floats | None = None, known: Assumed | Non
     count = int(samples.beacon.max()) + 1
     if count > MOST_BEACONS:
         raise ConfigurationError(f"log: must have at most {MOST_BEACONS} beacons, got {count}")
+    _check_silences(samples)
     remarks: list[str] = []
     depth, depth_row = _depth(samples, known, remarks)
     ranges, noise = _ranges(samples, body, known, depth, remarks)

@@ -81,7 +81,8 @@ def identify(
     )
     lost = len(heard.receptions) - len(ready.log.receptions)
     counts = [f"losses: {counted(lost, 'range')} left out, as if lost"] if lost else []
-    said = (*ready.log.counted(), *counts, ready.said, *of_dive, *_named(ready.log))
+    log_says = (*ready.log.counted(), *counts, *ready.log.without_depth())
+    said = (*log_says, ready.said, *of_dive, *_named(ready.log))
     return Identified(ready.log.name, device, base, said, ready.log.beacons, dive)
 
 

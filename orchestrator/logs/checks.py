@@ -21,6 +21,7 @@ from ..words.lists import first_of, listed
 from .columns import AT_ARRIVAL, FARTHEST, FROM_DIVER, KINDS, SIGNED, TABLES, TIMES
 from .log import Log, Receptions
 from .meta import BEACONS, Meta, meta_of
+from .rates import check_rate
 from .raw import REPEATED
 from .times import MISSING, fast, in_nanoseconds, whole
 from .times import NAMES as TIME_COLUMNS
@@ -50,6 +51,10 @@ _NUMBERS = (
     *(f"platform_{angle}_rad" for angle in ("roll", "pitch", "yaw")),
 )
 """Columns of receptions whose cells must be numbers or empty."""
+_ONE = {"depth": "a depth", "truth": "a true position", "fixes": "a position"}
+"""What a row of a table is."""
+DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?", re.ASCII)
+_WITH_COMMA = "a number with a decimal comma, which decimal = \",\" in [mapping.{}] reads"
 _PACKET = re.compile(r"packet_(.+)_([ned])_m")
 
 
@@ -149,7 +154,9 @@ def _receptions(raw: Raw, meta: Meta) -> tuple[Receptions, tuple[str, ...]]:
     if "kind" in table:
         known = table["kind"].map(_word).isin(("", *KINDS)).to_numpy(bool)
         table = _without(raw, "receptions", table, ~known, "no kind of range")
-    table = _without(raw, "receptions", table, _unreadable(table), "a number that cannot be read")
+    wrong, comma = _unreadable(table)
+    table = _without(raw, "receptions", table, comma, _WITH_COMMA.format("receptions"))
+    table = _without(raw, "receptions", table, wrong[~comma], "a number that cannot be read")
     table["range"] = _ranges(table, meta)
     least = np.where(_kinds(table) == SIGNED, -FARTHEST, 0.0)
     bad = ~((table["range"] >= least) & (table["range"] <= FARTHEST))
@@ -157,6 +164,7 @@ def _receptions(raw: Raw, meta: Meta) -> tuple[Receptions, tuple[str, ...]]:
     untimed = ((table["arrival"] == MISSING) & (table["epoch"] == MISSING)).to_numpy(bool)
     table = _without(raw, "receptions", table, untimed, "no time")
     table = _without(raw, "receptions", table, (table["beacon"] == "").to_numpy(), "no beacon")
+    check_rate(raw, "receptions", table, ("arrival", "epoch"), "a range of a beacon", "beacon")
     table = _with_both_times(table, meta)
     same = table.duplicated(["arrival", "epoch", "beacon", "range"]).to_numpy()
     table = _without(raw, "receptions", table, same, "the same as one before")
@@ -250,21 +258,30 @@ def _marked(raw: Raw, name: str, table: pd.DataFrame) -> pd.DataFrame:
     return table
 
 
-def _unreadable(table: pd.DataFrame) -> Flags:
-    """Rows of receptions with a cell that is neither a number nor empty, where one must be.
+def _unreadable(table: pd.DataFrame) -> tuple[Flags, Flags]:
+    """Rows of receptions with a cell that is neither a number nor empty, where one must be, and
+    those of them where it has a decimal comma.
 
     The columns of numbers hold numbers from then on.
     """
-    wrong = np.zeros(len(table), bool)
+    wrong, comma = np.zeros((2, len(table)), bool)
     for column in table.columns:
         if column in _NUMBERS or _PACKET.fullmatch(str(column)):
             found = numbers(table[column])
             wrong |= _filled(table[column], np.isnan(found))
+            comma |= _with_comma(table[column], np.isnan(found))
             table[column] = found
     for column, time in (("arrival_ns", "arrival"), ("epoch_ns", "epoch")):
         if column in table:
             wrong |= _filled(table[column], (table[time] == MISSING).to_numpy(bool))
-    return wrong
+    return wrong, comma
+
+
+def _with_comma(values: Any, which: Flags) -> Flags:
+    """Which of some cells are numbers with a decimal comma."""
+    found = which.copy()
+    found[which] = [DECIMAL_COMMA.fullmatch(_word(value)) is not None for value in values[which]]
+    return found
 
 
 def _filled(values: Any, which: Flags) -> Flags:
@@ -477,9 +494,12 @@ def _timed(
         raw, name, table, (table["time"] == MISSING).to_numpy(), "no time"
     )
     for column in needed:
-        table[column] = numbers(table[column])
+        given, table[column] = table[column], numbers(table[column])
+        comma = _with_comma(given, table[column].isna().to_numpy())
+        table = _without(raw, name, table, comma, _WITH_COMMA.format(name))
         bad = ~(table[column].abs() <= FARTHEST).to_numpy()
         table = _without(raw, name, table, bad, f"no {column} within 1,000 km")
+    check_rate(raw, name, table, ("time",), _ONE[name])
     return _in_order(raw, name, table, "time")
 
 

@@ -24,7 +24,7 @@ from ..words.shares import percent
 from .columns import SIGNED
 from .figures import gaps, plot_log, series_of
 from .folder import SCENARIO, write
-from .log import Log
+from .log import GAP, Log, usual_pause
 from .raw import REPEATED
 from .read import read_log
 from .tables import BEACONS, FLAWS, SERIES
@@ -165,7 +165,7 @@ class LogContents(Answer):
         silent = [*self.beacons["beacon"][self.beacons["ranges"] == 0]]
         if silent:
             own.append(f"no range of {first_of(silent, 5)}")
-        return [*log.counted(), *log.remarks, *own]
+        return [*log.counted(), *log.remarks, *log.without_depth(), *own]
 
     def text(self, *, verbose: bool = False, width: int | None = None) -> str:
         """The answer, the tables, and what was found.
@@ -291,16 +291,25 @@ def _timing(log: Log, times: Integers, table: str, of: str | None) -> dict[str, 
              if it.table == table and not it.used and (of is None or it.of == of)]
     n, out = len(times), len(flaws)
     span = float(times[-1] - times[0]) / 1e9 if n > 1 else 0.0
+    ends = _silent_ends(log, times)
     return {
         "left_out": out,
         "repeated": sum(it.what == REPEATED for it in flaws),
         "used_share": n / (n + out) if n + out else np.nan,
         "rate_Hz": (n - 1) / span if span > 0 else np.nan,
-        "gaps": int(gaps(times).sum()) if n > 1 else 0,
-        "longest_gap_s": float(np.diff(times).max()) / 1e9 if n > 1 else np.nan,
+        "gaps": int(gaps(times).sum()) + len(ends) if n > 1 else 0,
+        "longest_gap_s": float(max(np.diff(times).max(), *ends, 0)) / 1e9 if n > 1 else np.nan,
         "first_s": float(times[0] - log.start_ns) / 1e9 if n else np.nan,
         "last_s": float(times[-1] - log.start_ns) / 1e9 if n else np.nan,
     }
+
+
+def _silent_ends(log: Log, times: Integers) -> list[int]:
+    """Pauses before the first of some times and after the last that are gaps [ns]."""
+    if len(times) < 2:
+        return []
+    ends = int(times[0]) - log.start_ns, log.stop_ns - int(times[-1])
+    return [pause for pause in ends if pause > GAP * usual_pause(times)]
 
 
 def _flaws(log: Log) -> pd.DataFrame:

@@ -10,13 +10,11 @@ import numpy as np
 from ..data.estimates import Flags, Floats, Integers
 from ..layout import shorter
 from ..style import MARKERS, PLAIN, SMALL, ThemeName, new_figure, use
-from .log import Log
+from .log import GAP, Log, usual_pause
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-GAP = 5.0
-"""A pause that is longer than the median by this factor is a gap."""
 _ROW = 0.2
 """Height of a row of the timeline [inch]."""
 _LONGEST_NAME = 26
@@ -28,9 +26,7 @@ _PARTS = 12
 
 def gaps(times_ns: Integers) -> Flags:
     """Which pauses between times (n,) are gaps; (n - 1,)."""
-    pauses = np.diff(times_ns)
-    usual = np.median(pauses[pauses > 0]) if (pauses > 0).any() else 0
-    return pauses > GAP * usual
+    return np.diff(times_ns) > GAP * usual_pause(times_ns)
 
 
 def series_of(log: Log) -> dict[str, Integers]:

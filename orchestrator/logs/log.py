@@ -24,6 +24,10 @@ from .raw import Flaw
 
 _DATED_NS = 946_684_800 * 10**9
 """Times from the year 2000 on count as dates [ns]."""
+GAP = 5.0
+"""A pause that is longer than the median by this factor is a gap."""
+_SILENCE_S = 10.0
+"""Ranges this long before the first depth or after the last one [s] have none, at least."""
 _MOST_LINES = 5
 """Number of lines that a remark names."""
 
@@ -218,6 +222,23 @@ class Log(Shown):
             heard.beacon[order], heard.range[order], posed[order], place[order], turn[order],
         )
 
+    def without_depth(self) -> list[str]:
+        """Sentences on ranges before the first depth and after the last one."""
+        heard = self.receptions.epoch_ns
+        if not len(self.depth) or not len(heard) or self.meta.depth_is == "none":
+            return []
+        first, last = int(heard.min()), int(heard.max())
+        if self.depth_ns[0] > last or self.depth_ns[-1] < first:
+            return []  # all ranges are, which the check of the log says
+        least = max(_SILENCE_S * 1e9, GAP * usual_pause(self.depth_ns))
+        return [
+            f"depth: no reading {where} {pause / 1e9:,.0f} s of the ranges: depths and claims "
+            "there are to be doubted"
+            for where, pause in (("in the first", int(self.depth_ns[0]) - first),
+                                 ("in the last", last - int(self.depth_ns[-1])))
+            if pause > least
+        ]
+
     def counted(self) -> list[str]:
         """What was found in lines of the source: a sentence for each kind."""
         return told(self.findings)
@@ -228,6 +249,12 @@ class Log(Shown):
             f"of {span:.0f} s: {counted(len(self.receptions), 'range')} of "
             f"{counted(len(self.beacons), 'beacon')}, {counted(len(self.depth), 'depth')}"
         )
+
+
+def usual_pause(times_ns: Integers) -> float:
+    """The median of the pauses between times in order [ns]; 0 without any."""
+    pauses = np.diff(times_ns)
+    return float(np.median(pauses[pauses > 0])) if (pauses > 0).any() else 0.0
 
 
 def told(findings: tuple[Flaw, ...] | list[Flaw]) -> list[str]:

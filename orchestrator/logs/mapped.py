@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -20,11 +19,10 @@ from ..words.lists import counted, first_of
 from ..words.shares import rough_percent
 from . import folder, meta
 from .axes import to_ned
-from .checks import numbers
+from .checks import DECIMAL_COMMA, numbers
 from .mapping import Mapped, MappedTable, keys_of, mapping_of, missing
 from .raw import Raw
 
-_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?", re.ASCII)
 EXAMPLE = (
     "; for example, in meta.toml: [mapping.receptions] time_s = 'Time', beacon = 'Beacon', range_m "
     "= 'Dist' (docs/reference/logs.md)"
@@ -172,7 +170,7 @@ def _converted(
 
 def _with_point(value: Any) -> Any:
     """A number with a decimal comma with a point instead; all else as it is."""
-    if isinstance(value, str) and _COMMA.fullmatch(value):
+    if isinstance(value, str) and DECIMAL_COMMA.fullmatch(value):
         return value.replace(",", ".")
     return value
 

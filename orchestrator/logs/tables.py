@@ -14,9 +14,10 @@ def _in_time(what: str) -> tuple[TableColumn, ...]:
         TableColumn("used_share", f"Share of its {what} that can be used.", heading="used"),
         TableColumn("rate_Hz", f"{what.capitalize()} per second, from the first to the last.", "Hz",
                     "rate"),
-        TableColumn("gaps", "Number of pauses longer than five times the median.", heading="gaps",
-                    type=int),
-        TableColumn("longest_gap_s", f"Longest time between two {what}.", "s", "longest"),
+        TableColumn("gaps", "Number of pauses longer than five times the median, those at the ends "
+                    "of the log included.", heading="gaps", type=int),
+        TableColumn("longest_gap_s", f"Longest time between two {what}, or gap at an end of the "
+                    "log.", "s", "longest"),
         TableColumn("first_s", "Time of the first, from the start of the log.", "s"),
         TableColumn("last_s", "Time of the last.", "s"),
     )

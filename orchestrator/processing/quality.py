@@ -17,6 +17,7 @@ from ..judge.without_truth import between, told
 from ..logs.columns import KINDS, SIGNED
 from ..logs.log import Log, Receptions
 from ..tracks.place import Origin
+from ..words.lists import listed
 from ..words.numbers import meters
 from .columns import RESIDUALS
 
@@ -174,13 +175,29 @@ def misfit(log: Log, estimates: Estimates) -> list[str]:
     which, off = residuals_of(log, estimates)
     if len(off) < _FEWEST:
         return []
-    usual, length = float(np.median(np.abs(off))), float(np.median(log.receptions.range[which]))
+    heard = log.receptions
+    usual, length = float(np.median(np.abs(off))), float(np.median(heard.range[which]))
     if usual < max(_MISFIT * length, _MISFIT_M):
         return []
     return [
         f"ranges do not fit the beacons: half of the residuals are above {meters(usual)}, at "
-        f"ranges of {meters(length)}; check the unit of the ranges and the places of the beacons"
+        f"ranges of {meters(length)}; {_suspects(log)}"
     ]
+
+
+def _suspects(log: Log) -> str:
+    """What may be wrong where ranges do not fit the beacons."""
+    heard = log.receptions
+    deep = float(np.median(np.abs(log.depth))) if len(log.depth) else 0.0
+    most = float(np.abs(heard.range).max() + np.abs(heard.beacon_position[:, 2]).max())
+    if SIGNED not in log.kinds and deep > most:
+        return (
+            f"the depth is wrong, perhaps its unit: half of its readings are above {meters(deep)}, "
+            f"but ranges and beacons allow {meters(most)} at most"
+        )
+    units = ["the ranges", *["the depths"] * bool(len(log.depth)),
+             *["the platform's angles"] * bool(heard.has_pose.any())]
+    return f"check the units of {listed(units)}, and the places of the beacons"
 
 
 def residuals(log: Log, estimates: Mapping[str, Estimates]) -> pd.DataFrame:

@@ -52,7 +52,7 @@ def remarks(ready: Settled, choice: Choice, given: Played) -> list[str]:
             f"{len(ready.log.beacons)} beacons share the {ready.slots} places of the receivers, by "
             "latest use"
         )
-    return [*lines, *_claims(ready), *doubts_of(ready, choice)]
+    return [*lines, *ready.log.without_depth(), *_claims(ready), *doubts_of(ready, choice)]
 
 
 def _claims(ready: Settled) -> list[str]:

@@ -548,3 +548,74 @@ def test_a_record_of_something_else_is_no_dive(lacking: str) -> None:
     assert str(caught.value) == (
         f"record: must be that of a scenario, to be written as a log, got no {lacking}"
     )
+
+
+# --- Units of times -------------------------------------------------------------------------------
+
+
+def pings(step_ns: int, count: int = 24, **others: Any) -> dict[str, Any]:
+    """Receptions of three beacons in turn; those of one beacon are `step_ns` apart."""
+    return {
+        "arrival_ns": [10 * S + k * step_ns // 3 for k in range(count)],
+        "beacon": ["A", "B", "C"] * (count // 3), "range_m": [20.0] * count, **others,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(("step_ns", "got"), [
+    (4_000, "every 4.00 µs; as milliseconds, with the name arrival_ms, it would be every 4.00 s"),
+    (30, "every 0.0300 µs; as seconds, with the name arrival_s, it would be every 30.0 s"),
+    (300_000, "every 300 µs; as microseconds, with the name arrival_us, it would be every 0.300 s"),
+    (499_998, "every 500 µs; as microseconds, with the name arrival_us, it would be every 0.500 s"),
+])  # fmt: skip
+def test_times_faster_than_any_device_are_of_another_unit(step_ns: int, got: str) -> None:
+    with pytest.raises(ConfigurationError) as refused:
+        checked(receptions=pings(step_ns))
+    assert str(refused.value) == (
+        "receptions.csv: arrival_ns: must be in nanoseconds, got a range of a beacon " + got
+    )
+
+
+def test_the_column_with_the_wrong_unit_is_named() -> None:
+    right = [k * S for k in range(24)]
+    with pytest.raises(ConfigurationError, match=r"^receptions.csv: epoch_ns: must be in nanos"):
+        checked(receptions=pings(3 * S, epoch_ns=[k * 1000 for k in range(24)]))
+    fast = pings(3000)
+    fast["time_ms"] = [it / 1e6 for it in fast.pop("arrival_ns")]
+    with pytest.raises(ConfigurationError, match=r"csv: time_ms: must be in milliseconds, .* "
+                                                 r"as seconds, with the name time_s, "):
+        checked(receptions=fast)
+    for name, one in (("depth", "a depth"), ("truth", "a true position"), ("fixes", "a position")):
+        columns = ("depth_m",) if name == "depth" else ("n_m", "e_m", "d_m")
+        table = {"time_ns": [k // 1_000_000 for k in right], **dict.fromkeys(columns, [1.0] * 24)}
+        with pytest.raises(ConfigurationError, match=rf"^{name}.csv: time_ns: .* got {one} every"):
+            checked(receptions=pings(3 * S), **{name: table})
+
+
+def test_fast_devices_echoes_repeats_and_pings_at_once_are_no_other_unit() -> None:
+    assert len(checked(receptions=pings(500_001)).receptions) == 24
+    assert len(checked(receptions=pings(4000, 6)).receptions) == 6  # 2 of each: too few
+    at_once = pings(3 * S)
+    at_once["arrival_ns"] = [k // 3 * S for k in range(24)]
+    assert len(checked(receptions=at_once).receptions) == 24
+    echoes = pings(3 * S, 240)
+    echoes["arrival_ns"] = [k // 24 * S + k % 24 // 3 * 1000 + k % 3 for k in range(240)]
+    assert len(checked(receptions=echoes).receptions) == 240  # seven after each ping
+    again = pings(3 * S)
+    again["arrival_ns"] = [k // 12 * S for k in range(24)]
+    assert len(checked(receptions=again).receptions) == 6
+
+
+def test_numbers_with_a_decimal_comma_are_told_with_the_key_that_reads_them() -> None:
+    log = checked(
+        receptions=pings(3 * S, 6, range_m=["20,5", "20.5", " ,5", "2,5,1", "a,5", "-1,5e2"]),
+        depth={"time_ns": [S, 2 * S, 3 * S], "depth_m": ["3,5", "3.5", "x"]},
+        truth={"time_ns": [S, 2 * S], "n_m": ["1", "1,0"], "e_m": ["1,0", "1"], "d_m": ["1", "1"]},
+    )
+    said = 'a number with a decimal comma, which decimal = "," in [mapping.{}] reads'
+    lines = {(it.table, it.line): it.what for it in log.findings}
+    assert lines == {
+        **{("receptions", line): said.format("receptions") for line in (2, 4, 7)},
+        **{("receptions", line): "a number that cannot be read" for line in (5, 6)},
+        ("depth", 2): said.format("depth"), ("depth", 4): "no depth_m within 1,000 km",
+        ("truth", 2): said.format("truth"), ("truth", 3): said.format("truth"),
+    }

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import as_recorded
@@ -16,6 +17,7 @@ from quick import one_in
 from recorded_sets import RECORDED, needs_recorded
 from sblcosim.data.samples import Samples
 from sblcosim.errors import ConfigurationError
+from sblcosim.identification import batch, device
 from sblcosim.identification.device import (
     MOST_RANGES,
     NONE_LATE,
@@ -46,6 +48,9 @@ from sblcosim.logs.log import Log
 from sblcosim.processing.workflow import process
 from scipy import stats
 from scipy.integrate import quad
+from scipy.linalg import solveh_banded
+from scipy.sparse import csc_matrix
+from scipy.sparse.linalg import splu
 
 FAR = 1e5
 NEVER_LATE = (1e-12, 1.0)
@@ -758,6 +763,61 @@ def test_scale_and_offsets_of_beacons_that_are_close_together_hold_the_truth() -
 def test_too_few_ranges_and_too_many_beacons_are_refused(changes: Any, message: str) -> None:
     with pytest.raises(ConfigurationError, match=message):
         device_of(heard(**changes))
+
+
+@pytest.mark.parametrize(("silence_s", "refused"), [(3599, False), (3600, True), (86_400, True)])
+def test_a_silence_after_which_the_diver_may_be_anywhere_is_refused(
+    silence_s: int, refused: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As where the clock of a log jumps."""
+    log = made(seconds=60)
+    heard = log.receptions
+    late = np.where(np.arange(60) < 20, 0, silence_s * 10**9)
+    log = replace(log, receptions=replace(
+        heard, arrival_ns=heard.arrival_ns + late, epoch_ns=heard.epoch_ns + late,
+    ))
+    taken = OSError("taken")
+
+    def taking(*_: Any) -> None:
+        raise taken
+
+    monkeypatch.setattr(device, "noise_of", taking)
+    with pytest.raises(ConfigurationError if refused else OSError) as found:
+        sblcosim.identify(log)
+    assert found.value is taken or str(found.value) == (
+        "log: must have a range at least every 3,600 s, to identify a device, got none for "
+        f"{silence_s + 1:,} s, after the first 19 s of ranges: if its clock jumps there, put it "
+        "right; else identify one part"
+    )
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("solved", [False, True])
+def test_ranges_without_a_solution_are_refused_in_words(
+    solved: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Neither the words of a solver nor a warning of it."""
+    def unsolved(*_: Any, **__: Any) -> Any:
+        return solveh_banded([[0.0, 9.0], [1.0, 1.0]], [1.0, 1.0])
+
+    def without_numbers(*_: Any) -> Any:
+        return SimpleNamespace(motion=SimpleNamespace(parameters=np.sqrt([-1.0])))
+
+    name, failing = ("Device", without_numbers) if solved else ("fit", unsolved)
+    monkeypatch.setattr(device, name, failing)
+    with pytest.raises(ConfigurationError, match=r"^log: must have ranges and depths that .* got "
+                                                 r"60 ranges in 59\.0 s that none explains"):
+        sblcosim.identify(made(seconds=60))
+
+
+def test_equations_of_all_ranges_that_are_singular_are_told(
+    monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A clock that jumps by a day: without the check of silences, no track fits."""
+    monkeypatch.setattr(batch, "splu", lambda _: splu(csc_matrix((3, 3))))
+    log = on_a_boat(seconds=60)
+    with pytest.raises(ConfigurationError, match="that none explains"):
+        sblcosim.identify(log)
 
 
 def test_the_scenario_simulates_the_device_and_keeps_the_rest(tmp_path: Path) -> None:

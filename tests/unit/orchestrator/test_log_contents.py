@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import log_samples
@@ -234,7 +235,7 @@ def test_ranges_of_a_beacon_are_counted_and_timed() -> None:
     table = contents_of(small()).beacons.set_index("beacon")
     assert table.loc["A"].to_dict() == {
         "ranges": 5, "left_out": 1, "repeated": 0, "used_share": 5 / 6, "rate_Hz": 4 / 15,
-        "gaps": 1, "longest_gap_s": 12.0, "first_s": 0.0, "last_s": 15.0, "shortest_m": 10.0,
+        "gaps": 2, "longest_gap_s": 50.0, "first_s": 0.0, "last_s": 15.0, "shortest_m": 10.0,
         "median_m": 12.0, "longest_m": 30.0,
     }
     assert table.loc["B"].to_dict() == {
@@ -278,12 +279,12 @@ def test_the_text_of_a_log_in_full() -> None:
     assert rows[0] == ["beacon", "ranges", "left out", "repeated", "used", "rate [Hz]", "gaps",
                        "longest [s]", "from [m]", "median [m]", "to [m]"]  # fmt: skip
     assert rows[-3:] == [
-        ["A", "5", "1", "0", "83 %", "0.267", "1", "12.0", "10.0", "12.0", "30.0"],
+        ["A", "5", "1", "0", "83 %", "0.267", "2", "50.0", "10.0", "12.0", "30.0"],
         ["B", "3", "1", "1", "75 %", "0.0851", "0", "20.5", "40.0", "44.0", "50.0"],
         ["C", "0", "0", "0", "–", "–", "0", "–", "–", "–", "–"],
     ]
     rows = [re.split(r"\s{2,}", line.strip()) for line in series.splitlines()]
-    assert rows[-1] == ["fixes usbl", "3", "0", "0", "100 %", "0.500", "0", "2.00"]
+    assert rows[-1] == ["fixes usbl", "3", "0", "0", "100 %", "0.500", "1", "58.0"]
     assert remarks.splitlines() == [f"  {line}" for line in found.remarks]
     assert found.text(verbose=True).split("\n\n")[3].splitlines() == [
         "  receptions.csv: 1 entries left out: a value that was only read again (lines 8)",
@@ -417,3 +418,50 @@ def test_positions_of_devices_are_drawn_where_there_are_no_ranges() -> None:
     assert positions.figure.get_size_inches().tolist() == pytest.approx([7.2, 0.6 + 0.7 + 2.6])
     assert [it.get_text() for it in timeline.get_yticklabels()] == ["fixes gps", "fixes usbl"]
     assert positions.get_xlim() == pytest.approx((-0.02, 2.02))
+
+
+@pytest.mark.parametrize(("first", "last", "gaps_", "longest", "said"), [
+    (0, 300, 0, 1.0, []),
+    (0, 290, 1, 10.0, []),
+    (0, 289, 1, 11.0, ["in the last 11 s"]),
+    (11, 300, 1, 11.0, ["in the first 11 s"]),
+    (40, 200, 2, 100.0, ["in the first 40 s", "in the last 100 s"]),
+    (4, 296, 0, 1.0, []),
+])  # fmt: skip
+def test_silence_of_the_depth_at_the_ends_of_a_log_is_a_gap_and_told(
+    first: int, last: int, gaps_: int, longest: float, said: list[str]
+) -> None:
+    log = made(seconds=300, truth=False)
+    log = replace(log, depth_ns=log.depth_ns[first:last], depth=log.depth[first:last])
+    lines = [f"depth: no reading {where} of the ranges: depths and claims there are to be doubted"
+             for where in said]
+    found = contents_of(log)
+    (row,) = (it for it in found.series.to_dict("records") if it["series"] == "depth")
+    assert (row["gaps"], row["longest_gap_s"]) == (gaps_, longest)
+    assert [it for it in found.remarks if it.startswith("depth: ")] == lines
+    if len(said) == 1:
+        for other in (sblcosim.process(log), sblcosim.identify(log)):
+            assert [it for it in other.remarks if it.startswith("depth: ")] == lines
+
+
+def test_a_depth_that_is_not_measured_or_of_another_time_has_no_ends() -> None:
+    log = made(seconds=60)
+    none = log.meta.model_copy(update={"depth_is": "none"})
+    log = replace(log, depth_ns=log.depth_ns[:10], depth=log.depth[:10])
+    assert len(log.without_depth()) == 1
+    assert not replace(log, meta=none).without_depth()
+    assert not replace(log, depth_ns=log.depth_ns + 10**11).without_depth()
+    assert not replace(log, depth_ns=log.depth_ns - 10**11).without_depth()
+    sparse = replace(log, depth_ns=np.arange(3) * 5 * 10**9, depth=np.full(3, 8.0))
+    assert [it[:31] for it in sparse.without_depth()] == ["depth: no reading in the last 5"]
+    sparse = replace(log, depth_ns=np.arange(3) * 10**10, depth=np.full(3, 8.0))
+    assert not sparse.without_depth()  # 40 s, less than five pauses
+
+
+def test_silence_of_a_beacon_at_the_ends_of_a_log_is_a_gap() -> None:
+    log = made(seconds=120)
+    heard = log.receptions
+    log = replace(log, receptions=heard.chosen((heard.beacon != 1) | (heard.epoch_ns < 60 * 10**9)))
+    table = contents_of(log).beacons.set_index("beacon")
+    assert table["gaps"].to_dict() == {"B0": 0, "B1": 1, "B2": 0, "B3": 0}
+    assert table["longest_gap_s"].round().to_dict() == {"B0": 4, "B1": 62, "B2": 4, "B3": 4}

@@ -408,9 +408,42 @@ def test_ranges_that_do_not_fit_by_7_percent_or_by_3_m_are_said(
     heard = replace(log.receptions, beacon_position=np.zeros((count, 3)), range=ranges)
     found = quality.misfit(replace(log, receptions=heard), still)
     assert found == ([] if said is None else [
-        f"ranges do not fit the beacons: half of the residuals are above {said}; check the unit of "
-        "the ranges and the places of the beacons"
+        f"ranges do not fit the beacons: half of the residuals are above {said}; check the units "
+        "of the ranges and the depths, and the places of the beacons"
     ])  # fmt: skip
+
+
+@pytest.mark.parametrize(("depth", "posed", "kind", "words"), [
+    ([40.0, 40.0, 40.0], False, "one-way",
+     "check the units of the ranges and the depths, and the places of the beacons"),
+    ([40.0, 40.0, 40.0], True, "one-way", "check the units of the ranges, the depths and the "
+     "platform's angles, and the places of the beacons"),
+    ([], True, "one-way",
+     "check the units of the ranges and the platform's angles, and the places of the beacons"),
+    ([900.0, -60.5, 3.0], True, "one-way", "the depth is wrong, perhaps its unit: half of its "
+     "readings are above 60 m, but ranges and beacons allow 60 m at most"),
+    ([59.5, -59.5, 900.0], False, "one-way",
+     "check the units of the ranges and the depths, and the places of the beacons"),
+    ([900.0, 900.0, 900.0], False, "difference",
+     "check the units of the ranges and the depths, and the places of the beacons"),
+])  # fmt: skip
+def test_what_may_be_wrong_where_ranges_do_not_fit_is_named(
+    depth: list[float], posed: bool, kind: str, words: str
+) -> None:
+    log = silent_log([0.5 * i for i in range(12)], [i % 4 for i in range(12)])
+    still = Estimates(
+        epoch_ns=np.array([0, 100 * NS]), position=np.array([[20.0, 0, 0], [20.0, 0, 0]])
+    )
+    places = np.zeros((12, 3))
+    places[0, 2] = 10.0
+    heard = replace(
+        log.receptions, beacon_position=places, range=np.full(12, 50.0),
+        has_pose=np.full(12, posed), kind=np.full(12, KINDS.index(kind)),
+    )
+    log = replace(log, receptions=heard, depth=np.array(depth),
+                  depth_ns=np.arange(len(depth)) * NS)
+    (line,) = quality.misfit(log, still)
+    assert line.endswith(f" m; {words}")
 
 
 def test_errors_gaps_and_claims_of_a_receiver_by_hand() -> None:
