@@ -274,7 +274,7 @@ def _bar(figure: Figure, shown: Any, axes: list[Axes], label: str, narrow: bool)
         bar.minorlocator = NullLocator()
         bar.formatter = FuncFormatter(lambda value, _: f"{value:g}")
         bar.update_ticks()
-        bar.long_axis.set_minor_formatter(NullFormatter())
+        (bar.ax.yaxis if narrow else bar.ax.xaxis).set_minor_formatter(NullFormatter())
     bar.outline.set_linewidth(0.6)
 
 

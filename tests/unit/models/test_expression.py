@@ -171,6 +171,11 @@ def evaluated(expression: Any, values: dict[str, float]) -> float:
     return found[id(expression)]
 
 
+def size(x: Any) -> Any:
+    """Python's abs, which symbols of older versions of CasADi have not."""
+    return ca.fabs(x) if isinstance(x, ca.SX) else abs(x)
+
+
 ELEMENTARY: list[tuple[Callable[..., Any], tuple[float, ...], float]] = [
     (either.sqrt, (6.25,), 2.5), (either.sqrt, (0.0,), 0.0), (either.square, (-1.5,), 2.25),
     (either.exp, (-0.75,), math.exp(-0.75)), (either.log, (7.5,), math.log(7.5)),
@@ -188,7 +193,7 @@ ELEMENTARY: list[tuple[Callable[..., Any], tuple[float, ...], float]] = [
       for xy, z in (((2.0, 3.0), 7.0), ((1.0, 3.0), 8.0), ((2.0, 5.0), 8.0), ((0.5, 6.0), 8.0))),
     (lambda x, y: either.where(x <= y, x, y), (2.5, 2.5), 2.5),
     (either.ratio, (3.0, 2.0), 1.5), (either.ratio, (3.0, 0.0), 1.0),
-    (lambda x: abs(-x - 1) / 2, (3.0,), 2.0), (lambda x, y: 1 - x / y, (3.0, 4.0), 0.25),
+    (lambda x: size(-x - 1) / 2, (3.0,), 2.0), (lambda x, y: 1 - x / y, (3.0, 4.0), 0.25),
 ]  # fmt: skip
 
 
