@@ -51,6 +51,7 @@ from scipy.integrate import quad
 from scipy.linalg import solveh_banded
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
+from seams import Seam
 
 FAR = 1e5
 NEVER_LATE = (1e-12, 1.0)
@@ -767,7 +768,7 @@ def test_too_few_ranges_and_too_many_beacons_are_refused(changes: Any, message: 
 
 @pytest.mark.parametrize(("silence_s", "refused"), [(3599, False), (3600, True), (86_400, True)])
 def test_a_silence_after_which_the_diver_may_be_anywhere_is_refused(
-    silence_s: int, refused: bool, monkeypatch: pytest.MonkeyPatch
+    silence_s: int, refused: bool, seam: Seam
 ) -> None:
     """As where the clock of a log jumps."""
     log = made(seconds=60)
@@ -781,7 +782,7 @@ def test_a_silence_after_which_the_diver_may_be_anywhere_is_refused(
     def taking(*_: Any) -> None:
         raise taken
 
-    monkeypatch.setattr(device, "noise_of", taking)
+    seam.instead(device.noise_of, taking, only=device)
     with pytest.raises(ConfigurationError if refused else OSError) as found:
         sblcosim.identify(log)
     assert found.value is taken or str(found.value) == (
@@ -794,7 +795,7 @@ def test_a_silence_after_which_the_diver_may_be_anywhere_is_refused(
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("solved", [False, True])
 def test_ranges_without_a_solution_are_refused_in_words(
-    solved: bool, monkeypatch: pytest.MonkeyPatch
+    solved: bool, seam: Seam
 ) -> None:
     """Neither the words of a solver nor a warning of it."""
     def unsolved(*_: Any, **__: Any) -> Any:
@@ -803,18 +804,18 @@ def test_ranges_without_a_solution_are_refused_in_words(
     def without_numbers(*_: Any) -> Any:
         return SimpleNamespace(motion=SimpleNamespace(parameters=np.sqrt([-1.0])))
 
-    name, failing = ("Device", without_numbers) if solved else ("fit", unsolved)
-    monkeypatch.setattr(device, name, failing)
+    thing, failing = (device.Device, without_numbers) if solved else (device.fit, unsolved)
+    seam.instead(thing, failing, only=device)
     with pytest.raises(ConfigurationError, match=r"^log: must have ranges and depths that .* got "
                                                  r"60 ranges in 59\.0 s that none explains"):
         sblcosim.identify(made(seconds=60))
 
 
 def test_equations_of_all_ranges_that_are_singular_are_told(
-    monkeypatch: pytest.MonkeyPatch
+    seam: Seam
 ) -> None:
     """A clock that jumps by a day: without the check of silences, no track fits."""
-    monkeypatch.setattr(batch, "splu", lambda _: splu(csc_matrix((3, 3))))
+    seam.instead(splu, lambda _: splu(csc_matrix((3, 3))), only=batch)
     log = on_a_boat(seconds=60)
     with pytest.raises(ConfigurationError, match="that none explains"):
         sblcosim.identify(log)
