@@ -146,7 +146,7 @@ def main() -> None:
     given = arguments.parse_args()
     for name in CASES:
         for number in (1, 2):
-            compared(name, number, 100, 5 if given.quick else 15)
+            compared(name, number, 100, 6 if given.quick else 15)
     sizes()
 
 
