@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from itertools import product
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from sblcosim.identification import fit as fitted
 from sblcosim.identification.fit import Fit, fit, without_late
 from sblcosim.identification.innovations import (
     PARAMETERS,
@@ -254,3 +256,72 @@ def test_the_curvature_is_that_of_the_best_paraboloid_as_far_as_the_cost_rises_b
     more = np.sqrt(np.maximum(np.diag(sandwich) / np.diag(inverse), 1.0))
     assert more.max() > 1.3
     assert found.covariance == pytest.approx(inverse * np.outer(more, more), rel=2e-3, abs=1e-6)
+
+
+# --- Where the search begins ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("noise", "late"), [(0.3, True), (1e-5, False)])
+@pytest.mark.parametrize(("off", "turns"), [
+    ({"range_std": -1.0, "acceleration_psd": -1.9, "range_walk": -1.6}, False),
+    ({"range_std": 0.3, "acceleration_psd": 0.2, "range_walk": 0.2}, True),
+    ({"range_std": 1.1, "acceleration_psd": 2.4, "range_walk": 1.6}, True),
+    ({"range_std": 2.2, "acceleration_psd": 4.9, "range_walk": 1.7}, False),
+])  # fmt: skip
+def test_the_search_begins_at_the_best_of_what_is_usual_and_of_what_is_near(
+    seam: Seam, off: dict[str, float], turns: bool, noise: float, late: bool
+) -> None:
+    """About the first guess of the noise; beside another fit also with a tenth of its motion. Its
+    first step is that of a curvature that grows with the ranges."""
+    guess = float(np.log(max(noise, 1e-4)))
+    usual = {"range_std": guess, "late_share": -3.0 if late else -18.0, "late_mean": guess + 2.5,
+             "acceleration_psd": -4.6, "turn_rate": -3.5, "turn_std": -0.9,
+             "range_walk": guess - 3.0}  # fmt: skip
+    around = {"range_std": (-1.0, 0.0, 1.0, 2.0), "acceleration_psd": (-2.0, 0.0, 2.3, 4.6),
+              "range_walk": (-1.5, 0.0, 1.5)}  # fmt: skip
+    first = {"range_std": 1 / N, "late_share": 20 / N, "late_mean": 20 / N,
+             "acceleration_psd": 10 / N, "turn_rate": 0.2, "turn_std": 0.05, "range_walk": 20 / N}
+    peak = {name: usual[name] + off.get(name, 0.0) for name in PARAMETERS}
+    sharp = np.array([30.0, 0.3, 0.3, 30.0, 0.3, 0.3, 30.0])
+    known = Known(walk=90.0, turns=90.0 * turns)
+
+    def likelihood(_: Any, parameters: Any, hypotheses: int = 1) -> Any:
+        z, walks = known.coordinates(parameters), parameters[:, 6] > 0
+        apart = sharp * (z - [peak[name] for name in PARAMETERS]) ** 2
+        apart[:, 4:6] *= hypotheses > 1
+        apart[:, 6] *= walks
+        gain = 900.0 * (walks + turns * (hypotheses > 1))
+        return gain - apart.sum(axis=1) / 2
+
+    calls: list[Any] = []
+
+    def searched(of: Any, begin: Any, **how: Any) -> Any:
+        names = [PARAMETERS[:4], (*PARAMETERS[:4], "range_walk"), PARAMETERS[:6],
+                 PARAMETERS][len(begin) - 4]
+        assert how["options"]["hess_inv0"] == pytest.approx(np.diag([first[n] for n in names]))
+        end = begin + 0.05 * np.sin(np.arange(len(begin)) + len(calls))
+        calls.append((names, begin, end))
+        return SimpleNamespace(x=end)
+
+    seam.instead(likelihoods, likelihood)
+    seam.instead(evaluate, known.evaluate)
+    seam.instead(minimize, searched, only=fitted)
+    fit(RANGES, noise, late=late)
+    near: dict[str, float] = {}
+    assert len(calls) == 3 + turns
+    for names, begin, end in calls:
+        grid = [dict(zip(names, each, strict=True)) for each in product(*(
+            [usual[name] + shift for shift in around.get(name, (0.0,))] for name in names))]
+        if near:
+            there = {name: near.get(name, usual[name]) for name in names}
+            there["late_share"] = there["late_share"] if late else -18.0
+            grid += [{**there, "acceleration_psd": there["acceleration_psd"] + less}
+                     for less in (0.0, -2.3)]
+        points = np.array([[each[name] for name in names] for each in grid])
+        apart = dict(zip(PARAMETERS, sharp, strict=True))
+        cost = [sum(apart[n] * (x[n] - peak[n]) ** 2 / 2 for n in names) + sum(
+            ((x[n] - (-18.0 if n == "late_share" and not late else CENTRE[n]))
+             / (0.1 if n == "late_share" and not late else WIDTH[n])) ** 2 / 2 for n in names)
+            for x in grid]
+        assert begin == pytest.approx(points[int(np.argmin(cost))])
+        near = dict(zip(names, end, strict=True))
