@@ -310,6 +310,31 @@ def test_a_column_of_which_a_later_part_says_more_is_in_the_whole_table(
     pd.testing.assert_frame_equal(pd.read_parquet(out / "runs.parquet"), right, check_exact=True)
 
 
+def test_columns_of_which_half_the_values_come_again_are_packed(
+    whole: Path, tmp_path: Path
+) -> None:
+    """All others are noise, for which packing only takes time."""
+    rows = store.table(whole)
+    columns = {"all": [0, 1, 2, 3, 4, 5, 6, 7], "most": [0, 1, 2, 3, 4, 0, 0, 0],
+               "half": [0, 1, 2, 3, 0, 1, 2, 3], "few": [0, 1, 0, 1, 0, 1, 0, 1]}
+    given = {f"ekf.{name}": np.array(column, float) for name, column in columns.items()}
+    out = apart(tmp_path / "out", [rows.assign(**given)])
+    there, _ = parts.looked_through(out, {})
+    parts.save(there)
+    (part,) = stored(out)
+
+    def packed(path: Path) -> list[tuple[bool, str]]:
+        group = parquet.ParquetFile(path).metadata.row_group(0)
+        found = {c.path_in_schema: c for c in map(group.column, range(group.num_columns))}
+        return [
+            (found[name].has_dictionary_page, found[name].compression) for name in given
+        ]
+
+    assert [dictionary for dictionary, _ in packed(part)] == [False, False, True, True]
+    plain, short = (False, "UNCOMPRESSED"), (True, "SNAPPY")
+    assert packed(out / "runs.parquet") == [plain, plain, short, short]
+
+
 def test_a_study_may_have_more_parts_than_a_process_may_open_files(
     whole: Path, tmp_path: Path
 ) -> None:
@@ -357,3 +382,30 @@ def test_rows_in_any_order_are_put_in_that_of_replicates_and_points(tmp_path: Pa
         pd.testing.assert_frame_equal(read_back(rows), table(np.arange(12)))
     gaps = np.flatnonzero(rng.random(12) < 0.5)
     pd.testing.assert_frame_equal(read_back(gaps), table(gaps))
+
+
+@pytest.mark.parametrize("rows", [40, 41, 3 * parts.SAMPLE])
+def test_what_repeats_itself_in_half_of_its_rows_is_kept_as_a_dictionary(
+    rows: int, tmp_path: Path
+) -> None:
+    """Whether it does is judged by the first rows alone."""
+    seen = min(rows, parts.SAMPLE)
+    half = np.arange(rows) % (seen // 2)
+    more = np.arange(rows) % (seen // 2 + 1)
+    made = pd.DataFrame(
+        {
+            "run_id": [f"{n:016x}" for n in range(rows)], "error": None, "one": 1.5,
+            "half": half, "more": more, "late": np.maximum(np.arange(rows) - seen + 1, 0) / 7,
+        }
+    )
+    asked = campaign.prepare(small())
+    written = parts.write(_folder(tmp_path), asked, [campaign.CampaignRun(0, 1, 1, "a")], made)
+    file = parquet.ParquetFile(written)
+    chunks = [file.metadata.row_group(0).column(n) for n in range(len(file.schema.names))]
+    kept = {c.path_in_schema for c in chunks if c.has_dictionary_page}
+    assert kept == {"error", "one", "half", "late"}
+
+
+def _folder(at: Path) -> Path:
+    (at / parts.PARTS).mkdir()
+    return at
