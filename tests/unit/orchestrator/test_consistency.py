@@ -10,7 +10,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from sblcosim.analysis.covariance import sentences
-from sblcosim.judge.consistency import TELLING, Verdict, of_runs
+from sblcosim.judge.consistency import TELLING, Verdict, most_of_one_run, of_runs
+from sblcosim.judge.definitions import MANY_LOST
 
 STUDIES = 1500
 
@@ -190,3 +191,31 @@ def test_what_one_run_says_of_a_claim(nees: float, claim: str) -> None:
 def test_a_factor_that_is_just_told_fits() -> None:
     assert replace(of_runs([3.6]), factor=TELLING).claim == "fits"
     assert replace(of_runs([3.6]), factor=np.nextafter(TELLING, 2)).claim == "perhaps optimistic"
+
+
+def test_what_is_just_as_large_as_a_bound_is_not_beyond_it() -> None:
+    bound = most_of_one_run()
+    assert of_runs([bound]).claim == "perhaps optimistic"
+    assert of_runs([np.nextafter(bound, 99)]).claim == "optimistic"
+    for factor, words in ((TELLING, "right"), (1.11, "optimistic by a factor of 1.11")):
+        assert str(replace(of_runs([3.0]), factor=factor)).startswith(f"looks {words};")
+    assert of_runs([3.0, 3.0]).verdict == "in band"
+    for word, count, asked in (
+        ("in band", 19, "; 20 runs would detect a factor of 1.1"), ("in band", 20, ""),
+        ("optimistic", 19, ""),
+    ):
+        found = replace(of_runs([3.0, 2.9]), verdict=word, runs=count, runs_needed=20)
+        assert str(found).partition(f"{count} runs)")[2] == asked
+    more = np.nextafter(MANY_LOST, 1)
+    for runs, at_bound, beyond in (
+        ([2.9, 3.0], "in band (mean NEES 2.95, 95 %: ", "not judged: 5 % of the runs are lost"),
+        ([], "unknown", "not judged: 5 % of the runs are lost"),
+        ([3.0], "looks right; one run", "not judged: the run is lost"),
+    ):
+        assert str(of_runs(runs, MANY_LOST)).startswith(at_bound)
+        assert str(of_runs(runs, more)) == beyond
+
+
+def test_a_number_of_a_thousand_has_no_digits_after_the_point() -> None:
+    found = replace(of_runs([2.9, 3.0]), centre=1000.0, low=999.4, high=123456.0)
+    assert "mean NEES 1,000, 95 %: 999 to 123,456, 2 runs" in str(found)
