@@ -164,6 +164,7 @@ def test_conditions_are_put_together_and_a_missing_one_is_missed(
     assert chosen[f"ekf.{TOTAL}"].tolist() == pytest.approx(
         [expected, np.nan, expected, expected], nan_ok=True
     )
+    assert chosen["point"].tolist() == [1, 2, 3, 4]
     available = of_choices(made, table, "ekf.availability").table["ekf.availability"]
     assert available.tolist() == pytest.approx([0.6 if combine == "average" else 0.5] * 4)
     assert "availability" in RESPONSES
@@ -182,6 +183,7 @@ def test_averages_are_taken_before_the_worst() -> None:
         f"ekf.{TOTAL}": [1.0, 0, 5.0, 0, 2.0, 0, 3.0, 0],  # gps changes fastest, then the sea
     })  # fmt: skip
     chosen = of_choices(made, table, f"ekf.{TOTAL}").table
+    assert chosen["point"].tolist() == [1, 2]
     assert chosen[f"ekf.{TOTAL}"].tolist() == [4.0, 0.0]  # not 3.5, the average of the worst
 
 

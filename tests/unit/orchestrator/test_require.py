@@ -10,6 +10,7 @@ import shutil
 import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cache
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -1440,3 +1441,108 @@ def test_a_question_may_be_moved_with_its_files(tmp_path: Path, seam: Seam) -> N
     changed_code = r"other responses; the code of own\.py:spread, or what it imports, has changed; "
     with pytest.raises(ConfigurationError, match=f"{changed_code}answer into another"):
         require.decide(there / "other-name.toml", tmp_path / "out")
+
+
+INF = np.inf
+
+
+@pytest.mark.parametrize(("passed", "runs", "estimate", "lower", "upper", "said"), [
+    (450, 1000, 1.25, -INF, INF, "45 % of 1,000 runs are within 1 m; 90 % are within 1.25 m."),
+    (8995, 10_000, 1.25, 0.5, INF,
+     "89.95 % of 10,000 runs are within 1 m; 90 % are within 1.25 m, surely at least 0.5 m."),
+    (9004, 10_000, 1.25, 0.5, 2.5,
+     "90.04 % of 10,000 runs are within 1 m; 90 % are within 1.25 m, surely between 0.5 m and "
+     "2.5 m."),
+    (999, 1000, 1.25, -INF, 2.5,
+     "99.9 % of 1,000 runs are within 1 m; 90 % are within 1.25 m, surely at most 2.5 m."),
+    (9995, 10_000, 0.5, -INF, 2.5,
+     "99.95 % of 10,000 runs are within 1 m; 90 % are within 0.5 m, surely at most 2.5 m."),
+    (96, 96, INF, 0.5, INF,
+     "100 % of 96 runs are within 1 m; fewer than 90 % end well, and 90 % are surely not within "
+     "less than 0.5 m."),
+    (89, 100, INF, -INF, INF, "89 % of 100 runs are within 1 m; fewer than 90 % end well."),
+    (0, 0, np.nan, -INF, INF, "It has no runs yet."),
+])  # fmt: skip
+def test_the_numbers_of_a_design_are_its_share_its_percentile_and_the_bounds_that_are_known(
+    passed: int, runs: int, estimate: float, lower: float, upper: float, said: str
+) -> None:
+    answer = _chosen_beside_open_ones()
+    designs = answer.designs.astype({"lower": float, "upper": float})
+    for name, value in (("passed", passed), ("runs", runs), ("estimate", estimate),
+                        ("lower", lower), ("upper", upper)):  # fmt: skip
+        designs.loc[3, name] = value
+    assert replace(answer, designs=designs).sentences()[0] == (
+        f"The cheapest design that suffices: GPS 1 m, baseline 3 m, for 160 €. {said}"
+    )
+
+
+@cache
+def _chosen_beside_open_ones() -> Requirement:
+    """The fourth of six suffices, with costs of 30, 80, 110, 160, 510 and 560 €."""
+    shares = {0: 0.1, 1: 0.2, 2: 0.1, 3: 0.99, 4: 0.3, 5: 0.99}
+    return pretended(require.load(QUESTION), shares)
+
+
+@pytest.mark.parametrize(("verdicts", "cheaper", "until_sure", "others", "alone"), [
+    ("ffffff", 0, True, "", ""),
+    ("uuufff", 1, False, " Of the cheaper designs, 2 more are undecided.", ""),
+    ("ufffuf", 0, True, "", " 1 dearer design was left undecided."),
+    ("ufffuu", 1, True, " Of the cheaper designs, 1 more is undecided.",
+     " 2 dearer designs were left undecided."),
+    ("uuffuu", 1, False, " Of the cheaper designs, 1 more is undecided.", ""),
+])  # fmt: skip
+def test_designs_that_stay_open_are_counted_among_the_cheaper_and_the_dearer(
+    verdicts: str, cheaper: int, until_sure: bool, others: str, alone: str
+) -> None:
+    words = {"f": "fails", "u": "undecided"}
+    found = [words[letter] for letter in verdicts]
+    found[3] = "suffices"
+    answer = _chosen_beside_open_ones()
+    answer = replace(answer, designs=answer.designs.assign(verdict=found), cheaper=cheaper,
+                     until_sure=until_sure)  # fmt: skip
+    next_one, said = answer.sentences()[1], answer.sure()
+    assert (re.findall(r" Of the cheaper.*", next_one) or [""]) == [others]
+    assert said.endswith(f"of 3,000 allowed runs.{alone}")
+    counts = answer.counts
+    assert counts == {"suffices": 1, "fails": found.count("fails"),
+                      "undecided": found.count("undecided")}  # fmt: skip
+
+
+@pytest.mark.parametrize(("everything", "without", "enough", "said"), [
+    (2.0, {"a": 3.0, "b": 2.0}, (), "No error alone limits it: in 40 other runs, 90 % are within "
+     "2 m with all errors, and no less without any one of them."),
+    (0.8, {"a": 0.6, "b": 0.8, "c": 0.5, "d": 0.7, "e": 0.75}, (), "It is limited most by a: in 40 "
+     "other runs, 90 % are within 0.8 m with all errors, and 90 % would be within 0.6 m without "
+     "this one, 0.5 m without c, 0.7 m without d."),
+    (1.0, {"a": 0.5}, (), "It is limited most by a: in 40 other runs, 90 % are within 1 m with all "
+     "errors, and 90 % would be within 0.5 m without this one."),
+    (INF, {"a": 1.5, "b": INF}, (), "It is limited most by a: in 40 other runs, fewer than 90 % "
+     "end well with all errors, and 90 % would be within 1.5 m without this one."),
+    (0.8, {}, (), ""),
+])  # fmt: skip
+def test_what_limits_a_design_that_suffices_is_told_with_three_errors(
+    everything: float, without: dict[str, float], enough: tuple[str, ...], said: str
+) -> None:
+    limits = limiting.Limiting(everything, without, enough)
+    answer = replace(_chosen_beside_open_ones(), limits=limits)
+    assert answer.limited() == said
+
+
+@pytest.mark.parametrize(("everything", "without", "enough", "said"), [
+    (1.5, {"a": 0.6, "b": 1.0, "c": 1.2}, ("a",),
+     "It would suffice without any one of a and b."),
+    (1.5, {"a": 1.0, "b": 1.2}, ("a",), "It would suffice without a alone."),
+    (1.5, {"a": 1.1, "b": 1.2}, ("a", "b"),
+     "It would suffice without a and b together, but not without one of them alone."),
+    (1.5, {"a": 1.1, "b": 1.2}, (), "It would not suffice even without all of them."),
+    (1.0, {"a": 0.6}, ("a",), ""),
+])  # fmt: skip
+def test_without_which_errors_a_design_would_suffice_is_told_if_it_does_not(
+    everything: float, without: dict[str, float], enough: tuple[str, ...], said: str
+) -> None:
+    answer = replace(_chosen_beside_open_ones(), chosen=None,
+                     limits=limiting.Limiting(everything, without, enough))  # fmt: skip
+    text = answer.limited()
+    assert text.startswith(f"It is limited most by a: in 40 other runs, 90 % are within "
+                           f"{everything:g} m with all errors, and ")  # fmt: skip
+    assert (re.findall(r"It would .*", text) or [""]) == [said]
