@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 import sblcosim
+from sblcosim.identification import path
 from sblcosim.identification.fit import Fit, parameters_of
 from sblcosim.identification.innovations import PARAMETERS, PRIOR, Ranges
 from sblcosim.identification.path import noise_of, smoothed, start
 from sblcosim.identification.places import place_std
 from sblcosim.identification.swings import CarrierSwing, sines, swings_of
 from scipy import stats
+from scipy.optimize import least_squares
+from seams import Seam
 
 BEACONS = np.array([[21.0, 12.0, 11.0], [-14.0, 25.0, 13.0], [-3.0, -28.0, 5.0]])
 
@@ -57,6 +61,57 @@ def test_the_uncertainty_of_a_start_is_that_of_its_least_squares() -> None:
     slope = np.hstack([unit, unit * (time[:9] - time[0])[:, None]]) / 1.2
     inverse = np.linalg.inv(slope.T @ slope + np.diag([0.0, 0.0, 1.0, 1.0]))
     assert std == pytest.approx(1.2 * np.sqrt(inverse[0, 0] + inverse[1, 1]), rel=1e-3)
+
+
+def test_a_start_is_looked_for_at_the_centre_and_in_twelve_directions(seam: Seam) -> None:
+    """As far away as the usual range, and half as far; the best of all fits is the start."""
+    rng = np.random.default_rng(6)
+    beacon, time = np.arange(9) % 3, 50.0 + 0.5 * np.arange(9)
+    place = BEACONS[beacon] + rng.normal(0, 1.5, (9, 3))
+    ranges, down = rng.uniform(20, 40, 9), 6.0 + rng.normal(size=9)
+    begun, ends = [], []
+
+    def searched(residuals: Any, begin: Any, loss: str) -> Any:
+        assert loss == "soft_l1"
+        for x in (np.array(begin) + rng.normal(0, 3, 4) for _ in range(2)):
+            way = np.column_stack([x[:2] + np.outer(time - 50, x[2:]) - place[:, :2],
+                                   down - place[:, 2]])
+            off = (np.linalg.norm(way, axis=1) - ranges) / 0.9
+            assert residuals(x) == pytest.approx(np.concatenate([off, x[2:]]))
+        begun.append(begin)
+        cost = (len(begun) - 17.3) ** 2
+        x, slope = np.array(begin) + 0.5, rng.normal(size=(11, 4))
+        ends.append(SimpleNamespace(x=x, cost=cost, jac=slope))
+        return ends[-1]
+
+    seam.instead(least_squares, searched, only=path)
+    found, std = start(time, beacon, ranges, place, down, 0.3)
+    centre, reach = place[:, :2].mean(axis=0), np.median(ranges)
+    turns = np.arange(12) / 6
+    away = np.column_stack([np.cos(np.pi * turns), np.sin(np.pi * turns)])
+    there = [centre[None] + 1e-3, centre + reach * away, centre + reach / 2 * away]
+    expected = np.column_stack([np.concatenate(there), np.zeros((25, 2))])
+    assert np.array(begun) == pytest.approx(expected, abs=1e-9)
+    assert found is ends[16].x
+    slope = ends[16].jac
+    P = np.linalg.inv(slope.T @ slope)
+    assert std == pytest.approx(0.9 * np.sqrt(P[0, 0] + P[1, 1]))
+    seam.undo()
+    # One beacon at the diver's feet, heard at once: the fit begins off the cusp.
+    once = np.zeros(1)
+    at_feet, _ = start(once, np.zeros(1, int), once + 5.0, np.zeros((1, 3)), once, 0.1)
+    assert np.hypot(*at_feet[:2]) == pytest.approx(5.0, abs=0.05)
+
+
+def test_the_scale_of_a_start_is_a_millimetre_or_more() -> None:
+    beacon = np.arange(9) % 3
+    ranges = np.linalg.norm(np.array([4.0, -6.0, 7.0]) - BEACONS[beacon], axis=1)
+    one, two, three = (
+        start(np.arange(9.0), beacon, ranges, BEACONS[beacon], np.full(9, 7.0), noise)[1]
+        for noise in (1e-5, 1e-3 / 3, 1.5e-3 / 3)
+    )
+    assert one == pytest.approx(two)
+    assert three == pytest.approx(1.5**2 * two, rel=1e-3)
 
 
 def test_a_start_from_few_ranges_uses_them_all() -> None:
