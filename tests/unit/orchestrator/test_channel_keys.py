@@ -56,6 +56,8 @@ def refused(**keys: Any) -> str:
      "'inverted', got \"both\""),
     ({"profile_depth_m": [0.0, 5.0]}, "override acoustics.profile_depth_m: must come with "
      "profile_speed_m_s or profile_temperature_C, got neither"),
+    ({"profile_depth_m": [5.0, 5.0], "profile_speed_m_s": [1500.0, 1490.0]},
+     "override acoustics.profile_depth_m: must increase, got [5.0, 5.0]"),
     ({"profile_depth_m": [5.0, 2.0], "profile_speed_m_s": [1500.0, 1490.0]},
      "override acoustics.profile_depth_m: must increase, got [5.0, 2.0]"),
     ({"profile_depth_m": [0.0, 5.0], "profile_speed_m_s": [1500.0]}, "override acoustics."
@@ -243,11 +245,59 @@ def test_a_slot_that_is_given_stays_and_is_doubted_if_it_is_short() -> None:
     assert not [*doubts(load(given, {"time.sampling_time_s": 0.16}), {})]
 
 
+def test_a_short_slot_is_doubted_with_echoes_answers_and_turn_around() -> None:
+    """√(150² + 120²) m and 150 m are 28.06 ms apart: the last echo of a bottom at 60 m."""
+    deep = {**TIMED, f"{A}water_depth_m": 60.0, "time.sampling_time_s": 0.3}
+    both = {**deep, f"{A}ranging": "two_way", f"{A}turnaround_s": 0.007}
+    (line,) = doubts(load(HARBOUR, both), {})
+    assert line == (
+        "override time.sampling_time_s: should be at least 0.346 s, got 0.3 s: 150 m away, an "
+        "answer's last echo ends 0.335 s after its request, and collides there with the next "
+        "request"
+    )
+    (line,) = doubts(load(HARBOUR, {**deep, "time.sampling_time_s": 0.15}), {})
+    assert line == (
+        "override time.sampling_time_s: should be at least 0.189 s, got 0.15 s: 150 m away, a "
+        "packet's last echo ends 0.178 s after its ping, and collides there with the next "
+        "beacon's packet"
+    )
+
+
+@pytest.mark.parametrize("keys", [
+    {"packet_duration_s": 0.1},
+    {"ranging": "two_way", "packet_duration_s": 0.03, "turnaround_s": 0.04},
+    {"ranging": "two_way", "turnaround_s": 0.0999},
+    {"water_depth_m": 2.0},
+])  # fmt: skip
+def test_what_just_fits_between_two_pings_or_above_the_bottom_is_taken(
+    keys: dict[str, Any]
+) -> None:
+    """The pings are 0.1 s apart, and the diver is 2 m deep."""
+    load(HARBOUR, {f"{A}{key}": value for key, value in keys.items()})
+
+
+def test_a_beacon_may_be_on_the_bottom() -> None:
+    rows = ((0.0, 0.0, 1.5), (5.0, 0.0, 3.5), (0.0, 5.0, 1.5))
+    keys = {"platform.beacon_m": rows, "platform.mean_position_m": (0.0, 0.0, 1.0)}
+    load(HARBOUR, {**keys, f"{A}water_depth_m": 4.5})
+    with pytest.raises(ConfigurationError, match=r"beacons, 4.5 m \(beacon 2\), got 4.4999"):
+        load(HARBOUR, {**keys, f"{A}water_depth_m": 4.4999})
+
+
 def test_rays_that_are_bent_too_much_are_doubted() -> None:
     steep = {**PROFILE, f"{A}profile_temperature_C": [28.0, 12.0, 12.0], f"{A}reach_m": 100.0}
     (line,) = doubts(load(HARBOUR, steep), {})
     assert "rays are straight here" in line
     assert not [*doubts(load(HARBOUR, {**steep, f"{A}reach_m": 10.0}), {})]
+    depths, speeds = [0.0, 10.0], [1500.0, 1485.0]
+    profile = {f"{A}profile_depth_m": depths, f"{A}profile_speed_m_s": speeds}
+    for reach, words in ((60.0, []), (65.0, ["up to 0.012 m"])):
+        said = [*doubts(load(HARBOUR, {**profile, f"{A}reach_m": reach}), {})]
+        assert [line.partition("wrong by ")[2] for line in said] == words
+    one = {f"{A}profile_depth_m": [2.0], f"{A}profile_speed_m_s": [1480.0], f"{A}reach_m": 500.0}
+    assert [*doubts(load(HARBOUR, one), {})] == [
+        "override acoustics.reach_m: has no effect without packet_duration_s"
+    ]
 
 
 @pytest.mark.parametrize(("changes", "needed"), [
@@ -326,6 +376,8 @@ def test_temperatures_set_speeds_with_the_salinity_that_is_given() -> None:
 @pytest.mark.parametrize(("length", "loss", "wrong"), [
     (1.0, 0.5, False), (0.999, 0.5, True), (3.0, 0.75, False), (2.99, 0.75, True),
     (0.0, 0.75, False), (1.0, 1.0, False), (0.5, 0.0, True),
+    (9.0, 0.9, False),  # 9 × (1 − 0.9) is less than 0.9 by rounding
+    (3.0 - 2e-9, 0.75, False), (3.0 - 4.5e-9, 0.75, True),
 ])  # fmt: skip
 def test_bursts_are_as_long_as_one_reception_between_them_leaves(
     length: float, loss: float, wrong: bool

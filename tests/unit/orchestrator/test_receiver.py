@@ -173,6 +173,36 @@ def test_a_fix_needs_three_ranges_and_a_depth() -> None:
     assert result.errors.loc["Fixed", "relative", "total"].rms_m < 0.5
 
 
+def test_a_fix_is_nearest_to_the_newest_ranges_and_the_depth() -> None:
+    """All differences count alike: their sum of squares has no slope at the fix."""
+    rng = np.random.default_rng(4)
+    beacons = rng.uniform(-30.0, 30.0, (5, 3)) * [1.0, 1.0, 0.1]
+    lengths = np.linalg.norm(beacons - [6.0, -9.0, 20.0], axis=1) + rng.normal(0.0, 1.0, 5)
+
+    def heard(i: int, extra: float = 0.0) -> sblcosim.Range:
+        return sblcosim.Range(
+            epoch=0.1 * i, arrival_epoch=0.1 * i, beacon=i, range=lengths[i] + extra,
+            beacon_position=beacons[i], platform_position=np.zeros(3),
+            platform_attitude=np.zeros(3),
+        )
+
+    seen = Noting()
+    seen.initialise(0, {"update_interval": np.array(0.1)})
+    assert seen.fix([heard(0, 9.0), heard(1), heard(2), heard(3, -7.0)]) is None
+    few = Noting()
+    few.initialise(0, {"update_interval": np.array(0.1)})
+    assert few.fix([sblcosim.Depth(0.0, 21.5), heard(0), heard(1)]) is None
+    assert few.fix([heard(1)]) is None
+    assert few.fix([heard(2)]) is not None
+    found = seen.fix([heard(3), sblcosim.Depth(0.0, 21.5), heard(0), heard(4)])
+    assert found is not None
+    away = np.linalg.norm(found - beacons, axis=1)
+    slope = ((away - lengths) / away) @ (found - beacons)
+    slope[2] += found[2] - 21.5
+    assert np.abs(away - lengths).max() > 0.3
+    np.testing.assert_allclose(slope, 0.0, atol=1e-5)
+
+
 @pytest.mark.parametrize("form", ["mine.py:Mine", "mine.py"])
 def test_a_file_is_a_receiver_on_the_command_line(
     form: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
