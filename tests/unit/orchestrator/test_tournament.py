@@ -972,6 +972,27 @@ def test_what_the_share_of_dives_hides_is_counted_over_all_scenarios(told: Tourn
     assert "But " not in replace(told, levels=equal).answer
 
 
+def test_plain_data_have_the_scenarios_and_the_tables_without_the_mean_of_all(
+    told: Tournament,
+) -> None:
+    plain = told.to_json()
+    json.dumps(plain)
+    assert plain["scenarios"] == ["near", "far"]
+    assert plain["receivers"] == list(told.receivers)
+    assert {name: plain[name] for name in ("runs", "seed", "response", "practical", "unit")} == {
+        "runs": RUNS, "seed": 1, "response": RESPONSE, "practical": 0.05, "unit": "m",
+    }  # fmt: skip
+    assert (plain["answer"], plain["update_s"]) == (told.answer, told.update_s)
+    for name, table in (("levels", told.levels), ("differences", told.differences)):
+        assert len(plain[name]) == len(table)
+        for row, own in zip(plain[name], table.to_dict(orient="records"), strict=True):
+            assert set(own) <= set(row)
+            assert {k: v for k, v in row.items() if v is not None} == {
+                k: pytest.approx(v) if isinstance(v, float) else v
+                for k, v in own.items() if pd.notna(v)
+            }  # fmt: skip
+
+
 @pytest.mark.parametrize(("seconds", "said"), [
     (None, "–"), (2.5e-10, "~ 0.25 ns"), (0.99e-6, "~ 990 ns"), (1e-6, "~ 1.0 µs"),
     (0.99e-3, "~ 990 µs"), (1e-3, "~ 1.0 ms"), (0.99, "~ 990 ms"), (1.0, "~ 1.0 s"),
