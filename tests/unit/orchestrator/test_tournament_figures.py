@@ -218,3 +218,39 @@ def test_the_key_in_given_axes_is_in_the_last_of_them() -> None:
     assert [ax.get_legend() is not None for ax in (*axes, other)] == [
         False, False, False, True, False,
     ]  # fmt: skip
+
+
+def look_of(line: Any) -> tuple[Any, ...]:
+    """Colours, width and mark of a line."""
+    mark = line.get_marker()
+    if mark in ("", "None", None):
+        return line.get_color(), line.get_linewidth()
+    return (mark, line.get_markersize(), line.get_markeredgewidth(), line.get_markerfacecolor(),
+            line.get_markeredgecolor())  # fmt: skip
+
+
+def test_the_key_looks_like_what_is_drawn() -> None:
+    near = np.array([[0.1, 0.05, 0.15], [0.9, 0.75, 1.0], [0.25, -0.5, 0.75]])
+    panel = Panel("x", FOUR.receivers, FOUR.spread, near, FOUR.verdicts)
+    left, right = plot_tournament([panel], "error", "m", 0.2)
+    (legend,) = left.figure.legends  # type: ignore[union-attr]
+    words = [text.get_text().partition(":")[0] for text in legend.get_texts()]
+    key = {word: look_of(it) for word, it in zip(words, legend.get_lines(), strict=False)}
+    drawn = {look_of(line) for ax in (left, right) for line in ax.lines}
+    for word, look in key.items():
+        assert look in drawn or word == "like the best; right of it", word
+    red, blue, *_ = LIGHT.receivers
+    assert key["thick bar"] == (blue, 5)
+    assert key["thin line"] == (LIGHT.ink, 0.9)
+    assert key["bar"] == (LIGHT.soft, 1.6)
+    assert key["like the best; right of it"][:2] == ("|", 11)
+    # One mark for each verdict, and the best one's line.
+    assert key["equal for practical purposes"][0] == "D"
+    colours = {look for look in map(look_of, right.lines) if len(look) == 2}
+    assert colours == {(LIGHT.ink, 1.0), (blue, 1.6), (red, 1.6), (LIGHT.soft, 1.6)}
+    assert {look_of(line) for line in left.lines if line.get_zorder() != 4} == {
+        (LIGHT.ink, 0.9), (blue, 5),
+    }  # fmt: skip
+    (band,) = right.patches
+    (shown,) = legend.get_patches()
+    assert shown.get_facecolor() == band.get_facecolor()
