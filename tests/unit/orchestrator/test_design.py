@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import combinations, product
+
 import numpy as np
 import pytest
 from sblcosim.errors import ConfigurationError
-from sblcosim.study.design import LETTERS, Design, Factor, fractional, full, sweep
+from sblcosim.study.design import LETTERS, Design, Factor, check_factors, fractional, full, sweep
 
 
 def factors(k: int) -> list[Factor]:
@@ -79,6 +82,49 @@ def test_the_fraction_has_the_fewest_short_words() -> None:
     design = fractional(factors(9), resolution=4)
     assert len(design.values) == 32
     assert [len(word) for word, _ in design.relation].count(4) == 6
+
+
+def lengths(basic: int, chosen: Sequence[frozenset[int]]) -> tuple[int, ...]:
+    """Number of words of each length, of all products of the generators."""
+    total = basic + len(chosen)
+    counts = [0] * (total + 1)
+    for some in product((False, True), repeat=len(chosen)):
+        word: frozenset[int] = frozenset()
+        for j, (taken, own) in enumerate(zip(some, chosen, strict=True)):
+            word ^= own | {basic + j} if taken else frozenset()
+        counts[len(word)] += 1
+    return tuple(counts[1:])
+
+
+@pytest.mark.parametrize("k", range(3, 8))
+@pytest.mark.parametrize("resolution", range(3, 8))
+def test_no_fraction_is_smaller_or_has_fewer_short_words(k: int, resolution: int) -> None:
+    """Of all choices of generators, also such as define a factor by any other word."""
+    for basic in range(1, k):
+        words = [
+            frozenset(c) for n in range(1, basic + 1) for c in combinations(range(basic), n)
+        ]
+        found = [lengths(basic, chosen) for chosen in combinations(words, k - basic)]
+        good = [counts for counts in found if not any(counts[: resolution - 1])]
+        if good:
+            break
+    else:
+        with pytest.raises(ConfigurationError, match=f"got {resolution}"):
+            fractional(factors(k), resolution=resolution)
+        return
+    design = fractional(factors(k), resolution=resolution)
+    assert len(design.values) == len(set(design.values)) == 2**basic
+    words_of = [len(word) for word, _ in design.relation]
+    assert tuple(words_of.count(n) for n in range(1, k + 1)) == min(good)
+    for word, sign in design.relation:
+        np.testing.assert_array_equal(design.coded[:, sorted(word)].prod(axis=1), sign)
+
+
+def test_as_many_factors_as_letters_and_as_many_points_as_allowed_are_taken() -> None:
+    check_factors(factors(25))
+    with pytest.raises(ConfigurationError, match="must have at most 25 factors, got 26"):
+        check_factors([*factors(25), Factor("last", (0, 1))])
+    assert len(full(factors(16)).values) == 2**16
 
 
 def test_aliased_terms_have_equal_columns() -> None:
@@ -156,6 +202,8 @@ def test_the_run_order_is_a_permutation_within_each_replicate() -> None:
         (lambda: fractional(factors(5), ["E:AB"]), "must be like 'E=ABCD', got 'E:AB'"),
         (lambda: fractional(factors(5), ["E=ABX"]), r"must be made of A, B, C, D, E .* got X"),
         (lambda: fractional(factors(5), ["E=AAB"]), "must name each factor once"),
+        (lambda: fractional(factors(5), ["E=ABE"]), "must name each factor once"),
+        (lambda: fractional(factors(5), ["Z=AB"]), r"must be made of A, B, C, D, E .* got Z"),
         (lambda: fractional(factors(5), ["E=AB", "E=CD"]), "got E twice"),
         (lambda: fractional(factors(5), ["D=ABC", "E=AD"]), "without a generator, got D"),
         (lambda: fractional(factors(5), resolution=2), "must be at least 3, got 2"),

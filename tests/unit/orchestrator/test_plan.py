@@ -168,10 +168,15 @@ def test_the_start_value_of_the_tick_interval_counts_unless_it_is_set():
     resolve(system({"s": ComponentSpec(Sampler, 30 * MS, {"sampling_time": 0.06})}))
 
 
-@pytest.mark.parametrize("value", [1 / 3, 0.0, -0.1])
+@pytest.mark.parametrize("value", [1 / 3, 0.0, -0.1, 1 + 1.5e-12])
 def test_a_tick_interval_that_is_no_whole_number_of_ns_is_refused(value):
     message = refusal({"s": ComponentSpec(Sampler, T, {"sampling_time": value})})
     assert message.startswith("s.sampling_time: must be a positive whole number of ns, got")
+
+
+def test_a_tick_interval_may_be_wrong_by_rounding():
+    plan = resolve(system({"s": ComponentSpec(Sampler, T, {"sampling_time": 1 + 0.5e-12})}))
+    assert plan.components[0].tick_ns == 10 * T
 
 
 def test_a_source_that_is_stale_at_a_tick_is_refused():

@@ -222,6 +222,38 @@ def test_a_sampling_time_in_ms_is_the_number_that_people_write() -> None:
     )
 
 
+@pytest.mark.parametrize("parts", [3, 10, 49, 1000])
+def test_ends_of_a_range_that_are_multiples_of_the_step_are_reached(parts: int) -> None:
+    """Though a quotient such as 0.3 / 0.1 is less than 3, and 1.1 / 0.1 more than 11."""
+    ends = np.array([1e-9, 1 - 1e-9])
+    for low in range(1, 60):
+        low_end, high_end = low / parts, (2 * low + 1) / parts
+        given = distribution_of("uniform", range=[low_end, high_end])
+        x = DrawnFactor("T", given, step=1 / parts).values(ends)
+        np.testing.assert_allclose(x, [low_end, high_end], rtol=1e-12)
+
+
+def test_levels_are_multiples_to_a_billionth_of_the_step() -> None:
+    near = distribution_of("choice", levels=[0.5 + 0.4e-9, 2])
+    assert DrawnFactor("T", near, step=0.5).values(U).max() == 2
+    beside = distribution_of("choice", levels=[0.5 + 0.7e-9, 2])
+    assert refused(distribution=beside, step=0.5) == (
+        "levels: must be whole multiples of 0.5, got 0.5"
+    )
+
+
+def test_bounds_of_the_keys_and_ends_of_a_range_may_be_equal() -> None:
+    given = distribution_of("choice", levels=[1, 3])
+    assert set(DrawnFactor("n", given, low=1, high=3).values(U)) == {1, 3}
+    for mode in (1.0, 4.0):
+        law = distribution_of("triangular", range=[1, 4], mode=mode)
+        share = law.quantiles(np.array([0.75]))[0]
+        assert share == pytest.approx(4 - 3 * np.sqrt(0.25) if mode == 1 else 1 + 3 * np.sqrt(0.75))
+    for kind, others in (("uniform", {}), ("normal", {"mean": 2, "std": 1})):
+        with pytest.raises(ConfigurationError, match="must be two numbers, the lower first"):
+            distribution_of(kind, range=[2, 2], **others)
+
+
 def test_random_numbers_make_a_distribution_or_a_line() -> None:
     rng = np.random.default_rng(1)
     pool = [0, 1, -1, 1e-300, 1e300, 0.1, 2, 5, -0.5, 1e-9, 1 + 1e-12]
