@@ -267,6 +267,7 @@ def test_the_curvature_is_that_of_the_best_paraboloid_as_far_as_the_cost_rises_b
     ({"range_std": 0.3, "acceleration_psd": 0.2, "range_walk": 0.2}, True),
     ({"range_std": 1.1, "acceleration_psd": 2.4, "range_walk": 1.6}, True),
     ({"range_std": 2.2, "acceleration_psd": 4.9, "range_walk": 1.7}, False),
+    ({"acceleration_psd": -4.2}, True),
 ])  # fmt: skip
 def test_the_search_begins_at_the_best_of_what_is_usual_and_of_what_is_near(
     seam: Seam, off: dict[str, float], turns: bool, noise: float, late: bool

@@ -102,8 +102,9 @@ def test_a_start_is_looked_for_at_the_centre_and_in_twelve_directions(
     seam.undo()
     # One beacon at the diver's feet, heard at once: the fit begins off the cusp.
     once = np.zeros(1)
-    at_feet, _ = start(once, np.zeros(1, int), once + 5.0, np.zeros((1, 3)), once, 0.1)
+    at_feet, far = start(once, np.zeros(1, int), once + 5.0, np.zeros((1, 3)), once, 0.1)
     assert np.hypot(*at_feet[:2]) == pytest.approx(5.0, abs=0.05)
+    assert far == pytest.approx(0.3 * np.sqrt(1e9), rel=1e-3)  # it tells nothing across
 
 
 def test_a_start_from_few_ranges_uses_them_all() -> None:
