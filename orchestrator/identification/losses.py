@@ -62,7 +62,6 @@ def losses(time_ns: Integers, beacon: Integers, slot_s: float | None = None) -> 
     """
     gaps = [np.diff(np.unique(time_ns[beacon == b])) / 1e9 for b in np.unique(beacon)]
     gap = np.concatenate([*gaps, np.empty(0)])
-    gap = gap[gap > 0]
     if len(gap) < 10:
         return None
     slot = usual(gap) if slot_s is None else slot_s
@@ -75,7 +74,7 @@ def losses(time_ns: Integers, beacon: Integers, slot_s: float | None = None) -> 
     if not bursts:
         return Losses(wilson(0, total), None, slot)
     again = wilson(lost - bursts, lost)
-    burst = tuple(1 / (1 - min(share, 1 - 1e-9)) for share in again)
+    burst = tuple(1 / (1 - share) for share in again)
     # Losses in a row say less than as many that are independent of each other.
     linked = max(0.0, again[0] - bursts / len(gap))
     share = wilson(lost * (1 - linked) / (1 + linked), total * (1 - linked) / (1 + linked))
