@@ -102,9 +102,9 @@ def told(rows: list[dict[str, Any]], needed: int, limit: float) -> str:
 
 
 def test_points_bounds_front_choice_and_answer_are_those_of_a_second_calculation() -> None:
-    random = np.random.default_rng(71)
+    random = np.random.default_rng(73)
     kinds: set[str] = set()
-    for _ in range(30):
+    for _ in range(24):
         table = drawn(random)
         percentile = random.choice([None, 50.0, 80.0, 90.0])
         limit = random.choice([None, 0.5, 1.0, 1.5, 2.5])
