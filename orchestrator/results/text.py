@@ -342,8 +342,11 @@ def _blocks(
 def _cell(value: Any, column: TableColumn, size: int) -> str:
     if pd.isna(value):
         return f"{'–':>{size}}"
-    text = f"{value:{size}.{0 if column.type is int else 3}f}"
-    return text if len(text) <= size else f"{value:{size}.1e}"
+    for digits in (0,) if column.type is int else (3, 2, 1, 0):
+        text = f"{value:.{digits}f}"
+        if len(text) < size:  # a space before it
+            return f"{text:>{size}}"
+    return f"{value:{size}.{1 if size > 8 else 0}e}"
 
 
 def about(result: ToldResult, receiver: str) -> list[str]:

@@ -94,12 +94,12 @@ ONE_BELOW_THE_OTHER = """\
 Error [m]               absolute
 receiver axis       mean      RMS      std
 ekf      x         1.125  -11.250        –
-         y         2.250  -22.500  2.8e+05
+         y         2.250  -22.500 277777.1
          z         3.375  -33.750        –
          total     4.500  -45.000        –
 a_name_of_17_char
          x        10.125 -101.250        –
-         y        11.250 -112.500  1.4e+06
+         y        11.250 -112.500  1388886
          z        12.375 -123.750        –
          total    13.500 -135.000        –
 
@@ -107,7 +107,7 @@ Error [m]       relative to the platform
                   as it reports itself
 receiver axis       mean      RMS      std
 ekf      x         5.625  -56.250        –
-         y         6.750  -67.500  8.3e+05
+         y         6.750  -67.500 833331.4
          z         7.875  -78.750        –
          total     9.000  -90.000        –
 """
@@ -116,12 +116,12 @@ Error [m]               absolute             relative to the platform
                                                as it reports itself
 receiver axis       mean      RMS      std       mean      RMS      std
 ekf      x         1.125  -11.250        –      5.625  -56.250        –
-         y         2.250  -22.500  2.8e+05      6.750  -67.500  8.3e+05
+         y         2.250  -22.500 277777.1      6.750  -67.500 833331.4
          z         3.375  -33.750        –      7.875  -78.750        –
          total     4.500  -45.000        –      9.000  -90.000        –
 a_name_of_17_char
          x        10.125 -101.250        –          –        –        –
-         y        11.250 -112.500  1.4e+06          –        –        –
+         y        11.250 -112.500  1388886          –        –        –
          z        12.375 -123.750        –          –        –        –
          total    13.500 -135.000        –          –        –        –
 """
@@ -134,7 +134,7 @@ def test_frames_of_errors_stand_side_by_side_where_there_is_room(width, expected
     """Three columns of nine characters each, with two between frames; 15 are on their left.
 
     A name of more than sixteen characters has a line of its own, and who has no error in any frame
-    of a block is not in it. A number that does not fit has two digits and a power.
+    of a block is not in it. A number that does not fit with a space before it has fewer decimals.
     """
     names, values, rows = ("ekf", "a_name_of_17_char"), 0.0, {}
     for name, frame in (("ekf", "absolute"), ("ekf", "relative"), (names[1], "absolute")):
