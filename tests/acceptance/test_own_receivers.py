@@ -127,7 +127,7 @@ def study_run(folder: Path, run_id: str) -> sblcosim.Result:
 
 @pytest.mark.parametrize("scenario", WORST_M)
 @pytest.mark.parametrize("name", NEEDS)
-@one_in(2)
+@one_in(3)
 def test_an_example_tracks_the_diver(name: str, scenario: str) -> None:
     result = sblcosim.run(scenario, example(name), {"time.duration_s": 40.0})
     assert not result.failures

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from quick import one_in
 from sblcosim.fmus import files
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="there is no SIGTERM")
@@ -201,6 +202,7 @@ def long_run(folder: Path) -> None:
     )  # fmt: skip
 
 
+@one_in(2)
 @pytest.mark.parametrize(
     ("name", "number", "group"),
     [

@@ -37,7 +37,7 @@ BROWSER = next(
     filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
 )
 HOST = Path(__file__).with_name("wasm_host.mjs")
-QUICK = ("paper-scenario-1", "realistic-dive", "gps-buoys")
+QUICK = ("paper-scenario-1", "realistic-dive")
 PERCENTAGES = (1, 50, 68, 95, 100)
 WORKERS = (1, 4)
 RUNS = 23

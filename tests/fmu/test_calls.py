@@ -14,6 +14,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from quick import one_in
 from sblcosim.fmus.build import factory
 from sblcosim.fmus.build.compiler import FLAGS
 from sblcosim.models import COMPONENTS
@@ -41,6 +42,7 @@ def sources_of(name: str, fmi: int, folder: Path) -> None:
                 (folder / Path(file).name).write_bytes(archive.read(file))
 
 
+@one_in(2)
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc and its sanitizers")
 @pytest.mark.parametrize(("name", "fmi"), [
     pytest.param(name, fmi, marks=[pytest.mark.slow] if (name, fmi) in SLOW else [])

@@ -84,7 +84,7 @@ def others(report: Report) -> set[str]:
     return of(report, "does not apply", "not run")
 
 
-OFTEN = {("platform", 2), ("acoustics", 3), ("ekf", 2), ("coupled", 3)}
+OFTEN = {("platform", 2), ("ekf", 3)}
 """What every run of the tests examines."""
 
 

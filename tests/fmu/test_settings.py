@@ -32,7 +32,7 @@ from sblcosim.scenario.wiring import connect
 
 NODE = shutil.which("node")
 SCRIPT = Path(__file__).with_name("settings.cjs")
-QUICK_CASES, SLOW_CASES = 100, 200_000 // 6 + 1
+QUICK_CASES, SLOW_CASES = 50, 200_000 // 6 + 1
 """Random settings for each number of beacons."""
 LARGEST = 60_000
 """Largest size of a module in bytes."""

@@ -14,6 +14,7 @@ import mutators
 import pytest
 import typer.main
 from command_line import Inputs, judge
+from quick import one_in
 from sblcosim.cli import app
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="forks")
@@ -69,7 +70,7 @@ def typed(random_: random.Random) -> list[str]:
     return line
 
 
-@mutators.cases(quick=60)
+@mutators.cases(quick=30, most=60)
 def test_anything_typed_gives_a_result_or_a_line(
     inputs: Inputs, tmp_path: Path, number: int
 ) -> None:
@@ -77,6 +78,7 @@ def test_anything_typed_gives_a_result_or_a_line(
     _judged(inputs, tmp_path, line)
 
 
+@one_in(2)
 @pytest.mark.parametrize("line", [
     "run X", "run X.toml", "run DEEP.toml", "run scenario.toml --receiver X",
     "run scenario.toml --receiver DEEP.fmu", "run scenario.toml --set X",
@@ -112,6 +114,7 @@ def test_long_values_are_shortened(inputs: Inputs, tmp_path: Path, line: str) ->
         assert "y" * 200 not in text
 
 
+@one_in(2)
 @pytest.mark.parametrize(("before", "after"), [
     ("platform.arm_length_m", "X"), ("platform.arm_length_m", "platform.X"), ("0.4, 3.0", "'X'"),
     ('"ekf"', '"X"'), ('"scenario.toml"', '"X"'), ("[fixed]", "[X]"), ("= 0.2", "= 'X'"),

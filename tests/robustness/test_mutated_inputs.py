@@ -110,7 +110,7 @@ def _text(
     path.write_bytes(change(random_, path.read_text("utf-8")).encode(errors="surrogatepass"))
 
 
-@mutators.cases(quick=60, most=2000)
+@mutators.cases(quick=30, most=2000)
 def test_a_mutated_file_gives_a_result_or_a_line(
     inputs: Inputs, tmp_path: Path, number: int
 ) -> None:

@@ -99,7 +99,7 @@ def _other_thing(random_: random.Random, file: Path) -> None:
 
 
 @pytest.mark.skipif(os.name == "nt", reason="there are no pipes")
-@mutators.cases(quick=60, most=1500)
+@mutators.cases(quick=30, most=1500)
 def test_a_mutated_log_is_accounted_for_or_refused_in_a_line(tmp_path: Path, number: int) -> None:
     random_ = mutators.generator(number)
     name = [*SAMPLES][number % len(SAMPLES)]

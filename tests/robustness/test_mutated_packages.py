@@ -61,7 +61,7 @@ def _mutated(random_: random.Random, content: bytes) -> bytes:
     return made.getvalue()
 
 
-@mutators.cases(quick=20, most=1500)
+@mutators.cases(quick=10, most=1500)
 def test_a_mutated_package_gives_a_result_or_one_line(
     sound: Inputs, tmp_path: Path, number: int
 ) -> None:

@@ -16,6 +16,7 @@ import mpmath
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from quick import one_in
 
 Array = NDArray[np.float64]
 
@@ -369,6 +370,7 @@ def reference(lib: Library) -> dict[str, NDArray[np.uint64]]:
     return everything(lib)
 
 
+@one_in(2)
 @pytest.mark.parametrize("plain", [False, True], ids=["wide", "baseline"])
 @pytest.mark.parametrize(("compiler", "lanes"), [
     pytest.param(compiler, lanes, marks=[pytest.mark.slow] if (compiler, lanes) in RARE else [])

@@ -18,7 +18,7 @@ import as_recorded
 import casadi as ca
 import numpy as np
 import pytest
-from quick import few
+from quick import few, one_in
 from sblcosim.fmus.host.nanoseconds import SECOND, nanoseconds
 from sblcosim.models import COMPONENTS, RECEIVERS, settings
 from sblcosim.models.acoustics.contents import CONTENTS
@@ -344,6 +344,7 @@ def scenario_of(which: str | int) -> Tables:
     return tables_of(which) if isinstance(which, str) else drawn(which)
 
 
+@one_in(2)
 @pytest.mark.parametrize("which", SCENARIOS)
 def test_symbols_have_the_values_of_numbers(which: str | int) -> None:
     tables = scenario_of(which)

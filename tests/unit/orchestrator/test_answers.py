@@ -192,7 +192,7 @@ def test_all_kinds_of_answers_are_tried(here: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@one_in(2)
+@one_in(4)
 def test_an_answer_has_its_one_form(kind: str, here: Path, tmp_path: Path) -> None:
     found = made(kind, here)
     assert isinstance(found, Answer)

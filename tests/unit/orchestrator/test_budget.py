@@ -141,6 +141,7 @@ def _value(scenario: Any, key: str) -> Any:
     return attrgetter(key)(scenario)
 
 
+@one_in(2)
 @pytest.mark.parametrize("better", [False, True])
 @pytest.mark.parametrize("name", [*shipped(), *PRESET_DIVES])
 def test_what_is_switched_is_gone(name: str, better: bool) -> None:

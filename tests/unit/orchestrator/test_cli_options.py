@@ -170,6 +170,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return here
 
 
+@one_in(4)
 @pytest.mark.parametrize(("command", "option", "value"), CASES)
 def test_what_is_wrong_with_an_option_is_said_by_its_name(
     place: Path, monkeypatch: pytest.MonkeyPatch, command: str, option: str, value: str
@@ -378,7 +379,7 @@ MANY = f"{SHORT} --runs 2 --no-figures"
         )),
     ],
 )  # fmt: skip
-@one_in(2)
+@one_in(3)
 def test_percentiles_are_said_to_be_order_statistics(
     lossy: Path, monkeypatch: pytest.MonkeyPatch, command: str, kind: str
 ) -> None:

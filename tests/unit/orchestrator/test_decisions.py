@@ -149,7 +149,7 @@ def test_what_is_asked_has_a_decision_and_the_other_way_round() -> None:
 
 
 @pytest.mark.parametrize(("system", "name"), choices())
-@one_in(2)
+@one_in(4)
 def test_every_choice_of_every_question(system: str, name: str) -> None:
     begin = source(system)
     for text, wanted in answers(name, begin).items():

@@ -17,6 +17,7 @@ from typing import Any
 
 import pytest
 from matplotlib.axes import Axes
+from quick import one_in
 from sblcosim import style
 from sblcosim.catalogue import Job
 from sblcosim.results.figures import artist
@@ -134,6 +135,7 @@ def ended(children: list[int]) -> bool:
     return True
 
 
+@one_in(2)
 @pytest.mark.parametrize("theme", style.THEMES)
 @pytest.mark.parametrize("plots", [(), (plot,), (slow,) * 5, (plot, only_here, only_here, plot)])
 def test_the_same_bytes(

@@ -22,6 +22,7 @@ from unittest.mock import MagicMock, NonCallableMock
 import pytest
 import sblcosim.cli
 import typer
+from quick import one_in
 from sblcosim import api
 from sblcosim.analysis.advice import of_study as study_advice
 from sblcosim.areas.distance import map_distance
@@ -327,6 +328,7 @@ def test_what_is_excepted_exists() -> None:
 _before: dict[str, Made] = {}
 
 
+@one_in(2)
 @pytest.mark.parametrize(("case", "given", "words"), pairs())
 def test_an_option_changes_what_is_called(
     case: Case, given: str, words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from quick import few
+from quick import few, one_in
 from sblcosim.errors import ConfigurationWarning, SblcosimError
 from sblcosim.fmus import unchanged
 from sblcosim.scenario.file_schema import scenario_schema
@@ -82,6 +82,7 @@ def outcome(make: Any) -> list[Any]:
     return [made, [(w.category, str(w.message)) for w in caught]]
 
 
+@one_in(2)
 @pytest.mark.parametrize("name", shipped())
 def test_a_variant_is_what_its_tables_are_as_plain_data(name: str) -> None:
     base = load_scenario(name)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from drawn_texts import spoiled_texts
+from quick import one_in
 from sblcosim import style
 from sblcosim.results.figures import drawing
 from sblcosim.results.figures import run as plots
@@ -25,6 +26,7 @@ RARELY = [(f, n) for f in DRAWN for n in SHAPES if (f, n) not in OFTEN]
 NEAR_RAW = [n for n, s in SHAPES.items() if "raw" in s.receivers and s.raw_noise_m < 13]
 
 
+@one_in(2)
 @pytest.mark.parametrize(
     ("figure", "name"),
     [*OFTEN, *(pytest.param(*case, marks=pytest.mark.slow) for case in RARELY)],
