@@ -200,7 +200,7 @@ class Identified(Answer):
         # Rounds without a loss end at the same rate as they begin, by either leg.
         p = 1 - sqrt(1 - share)
         begins = 1 - sqrt(max(1 - share / ((1 - share) * burst.estimate), 0.0))
-        return {_BURST: max(p / ((1 - p) * begins), 1.0, p / (1 - p)) if begins > 0 else 1.0}
+        return {_BURST: max(p / ((1 - p) * begins), 1.0) if begins > 0 else 1.0}
 
     def scenario(self) -> Scenario:
         """The scenario that simulates the device: the base with what the log tells."""
