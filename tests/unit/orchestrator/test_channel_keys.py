@@ -169,6 +169,24 @@ def test_other_formulas_agree(temperature: float, salinity: float, depth: float,
     assert water.sound_speed(temperature, salinity, depth) == pytest.approx(expected, abs=0.5)
 
 
+def test_the_water_weighs_as_at_45_degrees() -> None:
+    import gsw
+
+    for depth in (0.0, 200.0, 6000.0):
+        pressure = gsw.p_from_z(-depth, 45.0)
+        absolute = gsw.SR_from_SP(36.0)
+        exact = gsw.sound_speed(absolute, gsw.CT_from_t(absolute, 8.0, pressure), pressure)
+        assert water.sound_speed(8.0, 36.0, depth) == pytest.approx(exact, abs=1e-9)
+
+
+def test_a_speed_of_sound_that_is_that_of_the_water_is_not_doubted() -> None:
+    """To a micrometre per second, as printed numbers are."""
+    speed = water.sound_speed(10.0, 35.0, 0.0)
+    for more, told in ((0.0, 0), (0.7e-6, 0), (1.5e-6, 1), (-1.5e-6, 1)):
+        given = {"temperature_C": 10.0, "sound_speed_m_s": speed + more}
+        assert len(doubted({"acoustics": given})) == told
+
+
 def test_temperature_and_salinity_set_the_true_speed_and_not_the_assumed_one() -> None:
     warm = load("realistic-dive", {f"{A}temperature_C": 22.0, f"{A}salinity": 38.0})
     assert warm.acoustics.sound_speed_m_s == water.sound_speed(22.0, 38.0, 0.0)

@@ -96,7 +96,7 @@ def lengths(basic: int, chosen: Sequence[frozenset[int]]) -> tuple[int, ...]:
     return tuple(counts[1:])
 
 
-@pytest.mark.parametrize("k", range(3, 8))
+@pytest.mark.parametrize("k", range(3, 9))
 @pytest.mark.parametrize("resolution", range(3, 8))
 def test_no_fraction_is_smaller_or_has_fewer_short_words(k: int, resolution: int) -> None:
     """Of all choices of generators, also such as define a factor by any other word."""
