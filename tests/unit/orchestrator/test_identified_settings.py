@@ -66,7 +66,9 @@ def test_in_the_field_places_have_errors_of_their_own() -> None:
     assert body is None
     assert base is ready.scenario
     assert known == Assumed(
-        1480.0, 0.2, 0.5, depth_bias_std=0.04, clock_walk_psd=3e-4, swings=swings_of(base.platform, 17.0))
+        1480.0, 0.2, 0.5, depth_bias_std=0.04, clock_walk_psd=3e-4,
+        swings=swings_of(base.platform, 17.0),
+    )
     assert known.swings[-1].amplitude == pytest.approx(17 * np.radians(3.0))
     there = ready.log.samples(OWN).position
     assert samples.position.tolist() == (there - [1.0, 2.0, 3.0]).tolist()
