@@ -25,7 +25,7 @@ from sblcosim.cli.documents.by_command import schema
 from sblcosim.comparison.budget import run as budgets
 from sblcosim.comparison.budget import sources
 from sblcosim.comparison.budget.bound import BOUND_RUNS, bounds
-from sblcosim.comparison.budget.result import ALL, NONE, REMAINDER, Budget
+from sblcosim.comparison.budget.result import ALL, NONE, REMAINDER, Budget, bars
 from sblcosim.comparison.budget.shares import shares
 from sblcosim.errors import ConfigurationError
 from sblcosim.layout import filled
@@ -532,6 +532,40 @@ def test_every_share_that_is_surely_negative_is_told() -> None:
     assert "grows" not in _made_up((-0.03, -0.04, 0.001)).text()
     better = _made_up((-0.03, -0.04, -0.015), better=True).text()
     assert "the error grows with better sound speed (−3 %)" in better
+
+
+_OVER = "; shares exceed 100 % because joint effects count for every error involved"
+
+
+@pytest.mark.parametrize(("sound_speed", "gps", "left", "about", "answer"), [
+    ((0.02, 0.01, 0.03), 0.5, 0.02, {}, "50 % of the mean square is the GPS: 1.00 m → 0.71 m RMS; "
+     "the sound speed 2 %; 2 % is left with all off"),
+    ((0.05, 0.0, 0.1), 0.04, 0.019, {},
+     "4 % of the mean square is the GPS: 1.00 m → 0.98 m RMS"),
+    ((0.3, 0.2, 0.4), 0.7, 0.01, {}, "70 % of the mean square is the GPS: 1.00 m → 0.55 m RMS; the "
+     "sound speed 30 %"),
+    ((0.3, 0.2, 0.4), 0.7, 0.05, {"better": True}, "GPS takes away 70 % of the mean square: 1.00 m "
+     f"→ 0.55 m RMS; sound speed 30 %; 5 % is left with all better{_OVER}"),
+    ((0.6, 0.2, 0.8), 0.41, 0.0, {}, "60 % of the mean square is the sound speed: 1.00 m → 0.63 m "
+     f"RMS; the GPS 41 %{_OVER}"),
+    ((0.4, 0.2, 0.8), 0.6, 0.02, {}, "60 % of the mean square is the GPS: 1.00 m → 0.63 m RMS; the "
+     f"sound speed 40 %; 2 % is left with all off{_OVER}"),
+])  # fmt: skip
+def test_an_error_is_named_from_two_per_cent_on_if_it_is_surely_above_0(
+    sound_speed: tuple[float, float, float], gps: float, left: float, about: dict[str, Any],
+    answer: str,
+) -> None:
+    assert _made_up(sound_speed, gps, left, **about).answer == f"m: {answer}"
+
+
+def test_half_a_per_cent_is_shown_and_less_is_listed() -> None:
+    for share, listed in ((0.005, False), (0.0049, True), (-0.005, False)):
+        found = _made_up((share, -0.003, 0.004))
+        shown, none = bars(found, "absolute", bound=False)
+        assert none == (["sound speed"] if listed else [])
+        assert ("sound speed" in shown) != listed
+    assert "sound speed (−0.5 %)" in _made_up((-0.005, -0.01, -0.001)).remarks[0]
+    assert _made_up((-0.02, -0.03, 0.0)).remarks == []
 
 
 def test_the_sentence_says_what_is_left_and_why_shares_are_more_than_the_whole() -> None:
