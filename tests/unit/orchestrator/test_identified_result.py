@@ -8,11 +8,13 @@ import matplotlib.figure
 import numpy as np
 import pytest
 import sblcosim
+from matplotlib.colors import to_rgb
 from sblcosim.identification.device import NONE_LATE, NOT, TURNS, YES, Device, Number, Told
 from sblcosim.identification.figures import plot_residuals
 from sblcosim.identification.fit import Fit
 from sblcosim.identification.innovations import PRIOR, Filtered, Ranges
 from sblcosim.identification.result import Identified
+from sblcosim.style import THEMES
 from scipy import stats
 from scipy.integrate import trapezoid
 
@@ -251,13 +253,14 @@ def test_histograms_have_the_density_of_punctual_and_of_late_ranges() -> None:
     std, share, mean = 0.4, 0.3, 1.5
     low, high = -6 * std, 6 * std + 2 * share * mean
     many = rng.normal(0, std, 500)
-    values = {"A": many, "B": np.array([low, high, low - 1e-6, high + 1e-6, high + 9.0, 0.0])}
+    values = {"A": many, "B": np.array([low, high, low - 1e-6, high + 1e-6, high + 9.0, 0.0]),
+              "C": many[:40]}
     figure = matplotlib.figure.Figure()
-    axes = figure.subplots(2)
+    axes = figure.subplots(3)
     plot_residuals(values, std, share, mean, axes)
     assert [[text.get_text() for text in ax.texts] for ax in axes] == [
-        ["beacon A"], ["beacon B, 3 beyond"]]
-    assert [ax.get_xlabel() for ax in axes] == ["", "Range − expected range [m]"]
+        ["beacon A"], ["beacon B, 3 beyond"], ["beacon C"]]
+    assert [ax.get_xlabel() for ax in axes] == ["", "", "Range − expected range [m]"]
     t = np.linspace(0, 20 * mean, 6_001)
     late = stats.expon(scale=mean).pdf(t)
     for ax, of in zip(axes, values.values(), strict=True):
@@ -273,3 +276,17 @@ def test_histograms_have_the_density_of_punctual_and_of_late_ranges() -> None:
         bars = ax.patches
         assert [bar.get_height() for bar in bars] == pytest.approx(counts.tolist())
         assert [bar.get_x() for bar in bars] == pytest.approx(edges[:-1].tolist())
+        colours = {to_rgb(bar.get_facecolor()) for bar in bars}
+        assert colours == {to_rgb(THEMES["light"].receivers[0])}
+        x, y = ax.texts[0].get_position()
+        assert 0.9 < x < 1
+        assert 0.9 < y < 1
+
+
+def test_a_figure_of_its_own_has_a_panel_of_an_inch_for_each_beacon() -> None:
+    values = {name: np.array([0.1, -0.2]) for name in "ABC"}
+    axes = plot_residuals(values, 0.4, 0.3, 1.5)
+    figure = axes[0].figure
+    tall = [ax.get_position().height * figure.get_size_inches()[1] for ax in axes]
+    assert tall == pytest.approx([1.0] * 3, rel=0.05)
+    assert [text.get_text() for text in figure.texts] == ["Residuals of the ranges by beacon"]
