@@ -439,3 +439,19 @@ def test_an_unknown_response_is_refused_in_a_line(asked: str, hint: str) -> None
 def test_an_unknown_scenario_is_named_once() -> None:
     with pytest.raises(ConfigurationError, match=r"^boats: scenario: must be a TOML file"):
         small(scenario="no-such-dive")
+
+
+@pytest.mark.parametrize("gone", [np.nan, np.inf])
+def test_a_run_without_a_response_is_not_the_largest(gone: float) -> None:
+    made = small(seeding="independent", replicates=6)
+    values = np.array(made.points.values, object)
+    y = np.random.default_rng(5).uniform(1.0, 2.0, 24)
+    y[[3, 17, 20]] = 7.0, gone, -8.0
+    table = pd.DataFrame({
+        "point": np.repeat([1, 2, 3, 4], 6), "replicate": np.tile(np.arange(1, 7), 4),
+        "run_id": [f"run-{n}" for n in range(24)], f"ekf.{TOTAL}": y,
+        **{name: np.repeat(values[:, i], 6) for i, name in enumerate(made.varied)},
+    })  # fmt: skip
+    found = workflow.of_grid(made, table)
+    assert (found.worst_run, found.largest) == ("run-3", 7.0)
+    assert workflow.of_grid(made, table.drop(columns="run_id")).worst_run == ""

@@ -1546,3 +1546,53 @@ def test_without_which_errors_a_design_would_suffice_is_told_if_it_does_not(
     assert text.startswith(f"It is limited most by a: in 40 other runs, 90 % are within "
                            f"{everything:g} m with all errors, and ")  # fmt: skip
     assert (re.findall(r"It would .*", text) or [""]) == [said]
+
+
+@pytest.mark.parametrize(("everything", "one", "several", "enough"), [
+    (1.0, 0.5, {}, 0), (2.0, 1.0, {}, 1), (2.0, 1.1, {2: 1.05, 3: 1.0, 4: 0.5}, 3),
+    (2.0, 1.1, {2: 1.0}, 2), (2.0, 1.1, {}, 0),
+])  # fmt: skip
+def test_the_fewest_errors_are_named_without_which_a_design_is_at_its_limit(
+    everything: float, one: float, several: dict[int, float], enough: int, seam: Seam
+) -> None:
+    """A percentile that is exactly at the limit of 1 is within it."""
+    scenario = sblcosim.load("realistic-dive")
+    off = limiting.switches(scenario)
+    sizes = dict(zip(off, [one + 0.01 * n for n in range(len(off))][::-1], strict=True))
+    order = [*off][::-1]
+    joined: dict[str, Any] = {}
+
+    def made(_: Any, receiver: Any, about: Any, percentile: Any, switched: Any, workers: Any,
+             ) -> dict[str, float]:  # fmt: skip
+        if set(switched) == set(off):
+            return {limiting.EVERYTHING: everything, **sizes}
+        joined.update(switched)
+        return {name: several.get(int(name), 1.01) for name in switched}
+
+    seam.instead(limiting._percentiles, made)
+    found = limiting.limiting(scenario, "ekf", {}, lambda *_: 0.0, 1.0)
+    assert found.everything == everything
+    assert [*found.without] == order
+    assert dict(found.without) == sizes
+    assert found.enough == tuple(order[:enough])
+    for count, keys in joined.items():
+        assert keys == {k: v for name in order[: int(count)] for k, v in off[name].items()}
+
+
+def test_a_budget_of_one_run_is_the_least_and_that_of_the_format_the_most() -> None:
+    question = require.load(QUESTION)
+    for runs in (1, sequential.MOST_RUNS):
+        assert question.with_budget(runs).terms.most_runs == runs
+    for runs in (0, sequential.MOST_RUNS + 1, 5.0):
+        with pytest.raises(ConfigurationError, match="most_runs: must be a whole number from 1 "):
+            question.with_budget(runs)  # type: ignore[arg-type]
+
+
+def test_a_run_fails_a_receiver_by_its_own_error_or_by_one_of_the_whole_run() -> None:
+    table = pd.DataFrame({
+        "ekf.y": [1.0, 2.0, 3.0, 4.0, np.nan, np.inf, 7.0, 8.0],
+        "ekf.lost": [False, False, False, False, False, False, True, None],
+        "error": [None, "ekf: gave up", "raw: gave up", "it ended", None, None, None, None],
+    })  # fmt: skip
+    passed = passable(table, "y", "ekf")
+    assert passed.tolist() == [1.0, INF, 3.0, INF, INF, INF, INF, INF]
