@@ -568,6 +568,26 @@ def test_half_a_per_cent_is_shown_and_less_is_listed() -> None:
     assert _made_up((-0.02, -0.03, 0.0)).remarks == []
 
 
+def test_what_the_bound_has_no_part_of_is_named_from_half_a_per_cent_on() -> None:
+    kinds = {ALL: "all", "gps + clock": "together", NONE: "rest", REMAINDER: "remainder"}
+    rows = [*kinds, *SOURCES]
+    table = pd.DataFrame({
+        "frame": "absolute", "source": rows, "kind": [kinds.get(name, "source") for name in rows],
+        "share": [np.nan, *[0.1] * (len(rows) - 1)], "bound_share": 0.0,
+    })  # fmt: skip
+    unmodelled = [name for name, it in SOURCES.items() if any(p.unmodelled for p in it.parts)]
+    assert 0 < len(unmodelled) < len(SOURCES)
+    found = replace(_made_up((0.1, 0.0, 0.2)), table=table)
+    assert found.unseen() == unmodelled
+    first = table["source"] == unmodelled[0]
+    for share, named in ((0.005, True), (0.0049, False), (-0.005, True), (-0.0049, False)):
+        other = replace(found, table=table.assign(share=table["share"].where(~first, share)))
+        assert (unmodelled[0] in other.unseen()) == named
+    for part in (0.01, -0.01):
+        other = replace(found, table=table.assign(bound_share=np.where(first, part, 0.0)))
+        assert other.unseen() == unmodelled[1:]
+
+
 def test_the_sentence_says_what_is_left_and_why_shares_are_more_than_the_whole() -> None:
     clause = "; shares exceed 100 % because joint effects count for every error involved"
     alone = _made_up((0.005, 0.0, 0.01), gps=0.9, left=0.1).answer
