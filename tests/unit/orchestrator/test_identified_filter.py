@@ -61,6 +61,7 @@ def test_each_set_comes_back_as_alone_however_many_there_are(places: dict[str, f
         ):
             expected = np.concatenate([of(it) for it in alone[:count]])
             np.testing.assert_allclose(of(found), expected, rtol=1e-9, atol=1e-12)
+        assert found.mean.shape == (count, states)
         P = found.covariance
         assert P.shape == (count, states, states)
         assert (P.swapaxes(1, 2) == P).all()
