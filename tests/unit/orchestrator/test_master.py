@@ -224,6 +224,14 @@ def test_progress_grows_to_one_and_is_reported_rarely(monkeypatch):
     assert 10 < len(shares) < 100 * 0.03 / 0.1 + 2
 
 
+def test_progress_is_the_share_of_the_steps_that_are_done(monkeypatch):
+    now = iter(np.arange(0.0, 1e6, 0.25))  # so much later that each step is reported
+    monkeypatch.setattr(time, "monotonic", lambda: next(now))
+    shares: list[float] = []
+    run({"c": Clock}, stop_ns=8 * T, progress=shares.append)
+    assert shares == [*(np.arange(1, 9) / 8), 1.0]
+
+
 class Careless(Clock):
     """Returns what `answer` says, after its first output."""
 

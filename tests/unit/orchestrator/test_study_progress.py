@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from sblcosim.simulation import execution
 from sblcosim.simulation.how import How
 from sblcosim.study import batch, campaign, definition, runner, study
 from seams import Seam
@@ -54,6 +55,16 @@ def test_the_share_that_is_done_is_that_of_the_steps(master: str | None) -> None
     share = table["ekf.availability"] * table["length"] / table["tick"]
     missing = table["length"] / table["tick"] - share
     assert missing.round(9).between(0.0, 3.0).all()
+
+
+def test_sound_runs_in_lanes_are_not_done_again(seam: Seam) -> None:
+    def never(*_: Any) -> Any:
+        raise AssertionError("a run was done alone")
+
+    seam.instead(execution.survive, never)
+    made = campaign.prepare(uneven(replicates=1))
+    table = batch.simulate(made, campaign.batch(made, 1, 1), How(workers=1))
+    assert table["error"].isna().all()
 
 
 @pytest.mark.parametrize("kept", [True, False])
