@@ -395,6 +395,20 @@ def test_the_place_of_an_antenna_is_not_that_of_its_receivers(tmp_path: Path) ->
     assert not any("config/antenna" in it for it in log.remarks)
 
 
+def test_an_answer_without_a_path_is_known_by_its_coordinates(tmp_path: Path) -> None:
+    """It counts as filtered: it gives no ranges where there are raw ones, and other bodies none."""
+    named = [_poll(0, "config/receivers", RECEIVERS), _acoustic(1, 5.0, 6.0, 7.0)]
+    nameless = _acoustic(2, 8.0, 9.0, 10.0)
+    del nameless["path"]
+    other = {"time": T0 + 3, "body": {"x": 1.0, "y": 2.0, "receiver_distance": [1.0]}}
+    log = _read(tmp_path, [*named, nameless, other, {"time": T0 + 4, "body": [1, 2, 3]}])
+    assert sorted(log.fixes) == ["acoustic filtered", "acoustic raw"]
+    assert log.fixes["acoustic filtered"].position[:, 0].tolist() == [6.0]
+    assert sorted(log.receptions.range.tolist()) == [5.0, 6.0, 7.0]
+    alone = _read(tmp_path, [named[0], nameless])
+    assert sorted(alone.receptions.range.tolist()) == [8.0, 9.0, 10.0]
+
+
 def test_receivers_may_be_polled_one_by_one(tmp_path: Path) -> None:
     places = {"id": 1, "x": 3, "y": 0, "z": 1}, {"id": 0, "x": 0, "y": 2, "z": 1}
     each = [_poll(0.5, f"config/receivers/{it['id']}", it) for it in places]
