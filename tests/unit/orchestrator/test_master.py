@@ -12,6 +12,7 @@ from sblcosim.models.declaration import Variable, input_, output
 from sblcosim.simulation.masters.python import execute, initial_outputs
 from sblcosim.simulation.resolve import resolve
 from sblcosim.simulation.system import ComponentSpec, Connection, System
+from seams import Seam
 from stranger import build_stranger
 
 MS = 1_000_000
@@ -230,6 +231,31 @@ def test_progress_is_the_share_of_the_steps_that_are_done(monkeypatch):
     shares: list[float] = []
     run({"c": Clock}, stop_ns=8 * T, progress=shares.append)
     assert shares == [*(np.arange(1, 9) / 8), 1.0]
+
+
+def test_a_warning_of_any_call_does_not_stop_a_run(fmu: Path, seam: Seam):
+    reference, original = with_stranger(fmu), instances.acquire
+    warned, used = [], []
+
+    def warning(call):
+        def called(*arguments):
+            warned.append(status := max(call(*arguments), instances.WARNING))
+            return status
+        return called
+
+    def acquired(*given):
+        made = original(*given)
+        for name in ("getter", "setter", "stepper"):
+            own = getattr(made, name)
+            setattr(made, name, lambda *it, own=own: warning(own(*it)))
+            used.append((made, name))
+        return made
+
+    seam.instead(instances.acquire, acquired)
+    assert_equal(with_stranger(fmu), reference)
+    assert len(warned) > 3 * len(reference.time_ns)
+    for made, name in used:  # another run may take it
+        delattr(made, name)
 
 
 class Careless(Clock):
