@@ -10,6 +10,7 @@ import random
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from importlib import import_module
 from types import SimpleNamespace
 from typing import Any
@@ -262,6 +263,44 @@ def test_each_setting_function_gives_the_recorded_numbers(name: str) -> None:
         words = [value for value in results if isinstance(value, str)]
         found[f"{how[0]} {which}"] = [*as_recorded.digest_of_all([[numbers]]), *words]
     as_recorded.check(f"setting functions {name}", found)
+
+
+def with_zeros(seed: int) -> Tables:
+    """Tables with random numbers of which some are 0, or the least there is, and random choices."""
+    choices = random.Random(f"choices {seed}")
+    tables = full(
+        choices.choice(["gps-buoys", "harbour-lbl", "realistic-sea"]), choices.choice([*RANGINGS]),
+        choices.choice(["semicircle", "circle", "white_noise_acceleration", *PATHS]),
+    )
+    for path, variable in REAL.items():
+        numbers = random.Random(f"{path} {seed}")
+        one = one_of(numbers, variable)
+        if numbers.random() < (0.2, 0.5, 0.8)[seed % 3]:
+            one = partial(keys.in_file_units, variable, max(0.0, variable.min or 0.0))
+        table, _, key = path.partition(".")
+        value = value_of(tables, path)
+        setattr(getattr(tables, table), key,
+                tuple(one() for _ in value) if isinstance(value, tuple) else one())
+    tables.acoustics.packet_content = choices.choice([*CONTENTS])
+    tables.acoustics.schedule = choices.choice([*SCHEDULES])
+    tables.platform.motion = choices.choice([*MOTION.values()])
+    for table, key in ((tables.acoustics, "common_clock"), (tables.platform, "gps_shared")):
+        setattr(table, key, choices.choice([True, False]))
+    return tables
+
+
+@pytest.mark.parametrize("group", range(3))
+def test_setting_functions_give_the_recorded_numbers_where_some_are_zero(group: int) -> None:
+    """What does not move, has no noise or is never lost: the other side of most conditions."""
+    found: dict[str, list[float]] = {}
+    for seed in range(16 * group, 16 * (group + 1)):
+        tables = with_zeros(seed)
+        for which, function in TRIED.items():
+            if not which.startswith("keys."):
+                row = [math.nan if isinstance(value, str) else float(value)
+                       for _, value in flat(function(tables))]  # fmt: skip
+                found.setdefault(which, []).extend(as_recorded.digest_of_all([[row]]))
+    as_recorded.check(f"setting functions with zeros {group}", found)
 
 
 # --- Values and derivatives ----------------------------------------------------------------------
