@@ -13,6 +13,7 @@ from dataclasses import replace
 from functools import cache
 from math import isfinite
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import jsonschema
@@ -33,14 +34,14 @@ from sblcosim.require.figures import plot_front, plot_narrow
 from sblcosim.require.file_schema import question_schema
 from sblcosim.require.question import Question, passable
 from sblcosim.require.result import Requirement, missing
-from sblcosim.require.run import decided
+from sblcosim.require.run import _parts, decided
 from sblcosim.require.sequential import Elimination, Rule, looks, percentile
 from sblcosim.require.tables import claimed_share
 from sblcosim.require.weighing import answered
 from sblcosim.results.figures.drawing import free_places
 from sblcosim.results.responses import FLAGS, RESPONSES, check_limit
 from sblcosim.simulation.how import How
-from sblcosim.study import store
+from sblcosim.study import runner, store
 from scipy import stats
 from seams import Seam
 from typer.testing import CliRunner
@@ -1596,3 +1597,30 @@ def test_a_run_fails_a_receiver_by_its_own_error_or_by_one_of_the_whole_run() ->
     })  # fmt: skip
     passed = passable(table, "y", "ekf")
     assert passed.tolist() == [1.0, INF, 3.0, INF, INF, INF, INF, INF]
+
+
+def test_questions_and_answers_are_shown_in_a_line() -> None:
+    question = require.load(QUESTION)
+    what = "RMS total error of at most 1 m in 90 % of the runs; 6 designs"
+    assert repr(question) == f"<Question small: {what}>"
+    both = require.load(changed(conditions=CONDITIONS))
+    assert repr(both) == f"<Question small: {what} in {len(both.conditions)} conditions>"
+    answer = _chosen_beside_open_ones()
+    assert repr(answer) == "<Requirement to small, on 6 designs; GPS 1 m, baseline 3 m>"
+    assert repr(replace(answer, chosen=None)) == "<Requirement to small, on 6 designs; none>"
+
+
+@pytest.mark.parametrize(("steps", "lanes", "threads", "size"), [
+    ((9, 4), (True, True), 3, runner.BATCH), ((9, 4), (True, False), 3, 3 * runner.ALONE),
+    ((runner.BATCH_STEPS // 5, 4), (True, True), 3, 5),
+    ((4, 2 * runner.BATCH_STEPS), (True, True), 3, 1),
+])  # fmt: skip
+def test_a_part_has_few_runs_where_they_are_long_or_run_alone(
+    steps: tuple[int, ...], lanes: tuple[bool, ...], threads: int, size: int
+) -> None:
+    groups = [SimpleNamespace(steps=n, in_lanes=own) for n, own in zip(steps, lanes, strict=True)]
+    campaign, how = SimpleNamespace(groups=groups), SimpleNamespace(threads=threads)
+    runs = list(range(2 * size + 1))
+    found = [*_parts(campaign, runs, how)]  # type: ignore[arg-type]
+    assert [len(part) for part in found] == [size, size, 1]
+    assert [n for part in found for n in part] == runs
