@@ -448,6 +448,18 @@ class Once(sblcosim.Receiver):
     fixed = None
 
 
+def test_progress_goes_on_with_receivers_that_run_after_the_others(tmp_path: Path) -> None:
+    """Classes run together, and each file alone; all stages count alike."""
+    file = str(written(tmp_path))
+    for receivers, stages in (([Shifted, "ekf"], 2), ([Shifted, file, Noting], 3)):
+        shares: list[float] = []
+        sblcosim.run("harbour-square", receivers, SHORT, progress=shares.append)
+        assert shares == sorted(shares)
+        assert shares[-1] == 1.0
+        for stage in range(1, stages):
+            assert min(abs(share - stage / stages) for share in shares) < 1e-12
+
+
 def test_few_estimates_are_said_before_their_error() -> None:
     result = sblcosim.run("realistic-dive", ["coupled", Once], {"time.duration_s": 60.0})
     lines = str(result).splitlines()
