@@ -25,7 +25,7 @@ import numpy as np
 from ..data import bearing
 from ..data.estimates import Estimates
 from ..data.samples import Samples
-from ..words.shares import percent
+from ..words.shares import rough_percent
 from .linear import Floats
 from .smoother import Track
 
@@ -57,7 +57,7 @@ def doubts(p: Any, samples: Samples, track: Track, filtered: Estimates) -> tuple
 def _ranges(p: Any, samples: Samples, track: Track) -> Iterator[str]:
     unfit, square = 1 - track.punctual, track.residual**2
     if unfit.mean() > p.outlier_probability + UNFIT:
-        yield f"{percent(float(unfit.mean()))} of the ranges do not fit"
+        yield f"{rough_percent(float(unfit.mean()))} of the ranges do not fit"
     elif square.mean() > SQUARE:
         yield f"the residuals of the ranges are {np.sqrt(square.mean()):.2g} times what is expected"
     else:
