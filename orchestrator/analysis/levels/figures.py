@@ -167,16 +167,16 @@ def _draw_lines(
     for i, level in enumerate(levels):
         part = own[[x == level for x in own[column]]]
         mean = part["mean"].to_numpy(np.float64)
-        shift = 0.12 * (i - (len(levels) - 1) / 2) if bars else 0.0
         how: dict[str, Any] = {
             "color": look.receivers[i % len(look.receivers)], "ls": LINES[i % len(LINES)],
             "marker": MARKERS[1 + i % (len(MARKERS) - 1)], "ms": 4.5, "label": str(i),
         }
         if bars:
+            shift = 0.12 * (i - (len(levels) - 1) / 2)
             reach = [mean - part["low"], part["high"] - mean]
             panel.errorbar(mean, at + shift, xerr=reach, capsize=2, lw=1.3, elinewidth=0.8, **how)
         else:
-            panel.plot(mean, at + shift, lw=1.2, **how)
+            panel.plot(mean, at, lw=1.2, **how)
 
 
 def _columns(names: Sequence[str]) -> int:
