@@ -73,6 +73,10 @@ ROW = {"estimates": 1234, "first_fix_s": 3.25, "longest_gap_s": 2.0, "horizontal
     ({"nis": 6.1, "nis_expected": 2.0, "claimed_rms_m": np.nan}, 2,
      "2.0 m RMS, 95 % within 3.6 m; its innovations are 1.75 times as large as it expects"),
     ({"nis": 6.0, "nis_expected": 2.0, "claimed_rms_m": np.nan}, 2, "2.0 m RMS, 95 % within 3.6 m"),
+    ({"horizontal_rms_m": 50.0, "total_rms_m": 51.0, "total_p95_m": 99.0, "claimed_rms_m": np.nan},
+     3, "51 m RMS, 95 % within 99 m"),
+    ({"horizontal_rms_m": 50.0, "total_rms_m": 51.1, "total_p95_m": 99.0, "claimed_rms_m": np.nan},
+     3, "51 m RMS (50 m horizontally), 95 % within 99 m"),
     ({"restarts": 3, "claimed_rms_m": np.nan}, 2,
      "2.0 m RMS, 95 % within 3.6 m; restarted 3 times"),
     ({"restarts": 1, "claimed_rms_m": np.nan}, 2, "2.0 m RMS, 95 % within 3.6 m; restarted 1 time"),
@@ -164,7 +168,7 @@ def test_residuals_of_several_receivers_stand_beside_each_other() -> None:
 
 @pytest.mark.parametrize(("std", "words"), [
     (0.0994, "0.123 ± 0.099"), (0.0996, "0.12 ± 0.10"), (0.994, "0.12 ± 0.99"),
-    (0.996, "0.1 ± 1.0"),
+    (0.996, "0.1 ± 1.0"), (0.0995, "0.12 ± 0.10"), (0.995, "0.1 ± 1.0"),
 ])  # fmt: skip
 def test_a_deviation_has_two_digits(std: float, words: str) -> None:
     table = residuals_of("a", "b").iloc[[0, 3]].assign(std_m=std, offset_m=0.123)
