@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from sblcosim.analysis.levels.analysis import RUNAWAY, GeneralFactorial, analyse, judged
-from sblcosim.analysis.levels.sentences import answer
+from sblcosim.analysis.levels.sentences import MOST_NAMED, answer
 
 BOUNDS = ((-1.0, 0.5), (-0.5, 1.0), (-0.5, 0.5), (1.0, 2.0), (1.25, 2.0), (-2.0, -1.0),
           (-2.0, -1.25), (0.0, 0.5), (0.25, 0.5), (-0.5, 0.0), (-2.0, 2.0))  # fmt: skip
@@ -87,3 +87,30 @@ def test_an_interval_that_reaches_below_zero_is_unknown_where_no_run_does() -> N
     table.loc[8:, "y"] = 0.0
     means = analyse(table, ["a"], "y").means
     assert means.loc[1, ["low", "mean", "high"]].tolist() == [0.0] * 3
+
+
+@pytest.mark.parametrize(("count", "rest"), [
+    (0, ""), (1, ""), (MOST_NAMED, ""), (MOST_NAMED + 1, "; 1 more pairs differ"),
+    (MOST_NAMED + 4, "; 4 more pairs differ"),
+])  # fmt: skip
+def test_pairs_of_medians_that_differ_are_named_and_the_others_counted(
+    count: int, rest: str
+) -> None:
+    """Where the levels' own intervals of the median overlap, as with common random numbers."""
+    found = several()
+    medians = found.medians.assign(all_low=0.0, all_high=9.0)
+    differs = np.arange(len(found.pairs)) < count
+    pairs = found.pairs.assign(
+        median_difference=-0.5, median_low=np.where(differs, -0.75, -1.0),
+        median_high=np.where(differs, -0.25, 0.25),
+    )  # fmt: skip
+    means = found.means.assign(low=np.nan)  # so medians come first
+    said = answer(judged(replace(found, medians=medians, pairs=pairs, means=means)))
+    ends = zip(pairs["one"][:count], pairs["other"][:count], strict=True)
+    named = [f"a: {b} to {a}, less by 0.500 (0.250 to 0.750)" for a, b in ends][:MOST_NAMED]
+    start = "The means depend on few runs, so the medians come first. "
+    if count:
+        start += f"By the medians of the pairs, {'; '.join(named)}{rest}. "
+    else:
+        start += "No two levels of a surely differ in the median. "
+    assert said.startswith(start), said
