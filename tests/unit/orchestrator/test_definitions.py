@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from sblcosim.data import truth
 from sblcosim.data.record import NEVER, Record, epochs_ns
-from sblcosim.judge import definitions
+from sblcosim.judge import definitions, metrics
 from scipy.stats import chi2
 from synthetic_record import make_record
 
@@ -220,3 +220,20 @@ def test_lost_is_silent_at_the_end_or_farther_off_than_the_platform():
     assert definitions.lost(0, 0.0, 0.0)
     assert definitions.lost(3, 2.0, 1.9)
     assert not definitions.lost(3, 1.9, 2.0)
+
+
+def test_at_a_bound_a_run_is_neither_inconsistent_nor_lost():
+    samples = np.array([0, 1, 7, 7, 7])
+    low, high = definitions.chi_square_band(3 * samples, samples)
+    mean = np.array([np.nan, high[1], high[2], np.nextafter(high[3], 9), 3.0])
+    flagged, known = definitions.inconsistent(mean, samples)
+    assert flagged.tolist() == [False, False, False, True, False]
+    assert known.tolist() == [False, True, True, True, True]
+    for value, word in (
+        (low[2], "consistent"), (high[2], "consistent"), (np.nextafter(low[2], 0), "pessimistic"),
+        (np.nextafter(high[2], 9), "optimistic"), (np.nan, "unknown"),
+    ):
+        assert metrics.verdict(value, (low[2], high[2])) == word
+    assert metrics.verdict(3.0, (low[0], high[0])) == "unknown"
+    lost = definitions.lost(np.array([0, 1, 1, 1]), np.array([0.0, 4.0, 4.5, 0.0]), 4.0)
+    assert lost.tolist() == [True, False, True, False]
