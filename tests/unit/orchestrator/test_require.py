@@ -13,7 +13,6 @@ from dataclasses import replace
 from functools import cache
 from math import isfinite
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import jsonschema
@@ -34,14 +33,14 @@ from sblcosim.require.figures import plot_front, plot_narrow
 from sblcosim.require.file_schema import question_schema
 from sblcosim.require.question import Question, passable
 from sblcosim.require.result import Requirement, missing
-from sblcosim.require.run import _parts, decided
+from sblcosim.require.run import decided
 from sblcosim.require.sequential import Elimination, Rule, looks, percentile
 from sblcosim.require.tables import claimed_share
 from sblcosim.require.weighing import answered
 from sblcosim.results.figures.drawing import free_places
 from sblcosim.results.responses import FLAGS, RESPONSES, check_limit
 from sblcosim.simulation.how import How
-from sblcosim.study import runner, store
+from sblcosim.study import store
 from scipy import stats
 from seams import Seam
 from typer.testing import CliRunner
@@ -1561,23 +1560,23 @@ def test_the_fewest_errors_are_named_without_which_a_design_is_at_its_limit(
     off = limiting.switches(scenario)
     sizes = dict(zip(off, [one + 0.01 * n for n in range(len(off))][::-1], strict=True))
     order = [*off][::-1]
-    joined: dict[str, Any] = {}
+    value = {limiting.EVERYTHING: everything, **sizes}
+    value |= {str(n): several.get(n, 1.01) for n in range(2, len(off) + 1)}
 
-    def made(_: Any, receiver: Any, about: Any, percentile: Any, switched: Any, workers: Any,
-             ) -> dict[str, float]:  # fmt: skip
-        if set(switched) == set(off):
-            return {limiting.EVERYTHING: everything, **sizes}
-        joined.update(switched)
-        return {name: several.get(int(name), 1.01) for name in switched}
+    def made(study: Any, _: Any) -> pd.DataFrame:
+        return pd.DataFrame({"without": [v[0] for v in study.points.values], "ekf.lost": False})
 
-    seam.instead(limiting._percentiles, made)
-    found = limiting.limiting(scenario, "ekf", {}, lambda *_: 0.0, 1.0)
+    def percentile(runs: pd.DataFrame, label: str) -> float:
+        assert label == "ekf"
+        return value[runs["without"].iloc[0]]
+
+    seam.instead(limiting.runner.simulated, made)
+    about = {"name": "x", "settling_time_s": 2.0, "seed": 7}
+    found = limiting.limiting(scenario, "ekf", about, percentile, 1.0)
     assert found.everything == everything
     assert [*found.without] == order
     assert dict(found.without) == sizes
     assert found.enough == tuple(order[:enough])
-    for count, keys in joined.items():
-        assert keys == {k: v for name in order[: int(count)] for k, v in off[name].items()}
 
 
 def test_a_budget_of_one_run_is_the_least_and_that_of_the_format_the_most() -> None:
@@ -1608,19 +1607,3 @@ def test_questions_and_answers_are_shown_in_a_line() -> None:
     answer = _chosen_beside_open_ones()
     assert repr(answer) == "<Requirement to small, on 6 designs; GPS 1 m, baseline 3 m>"
     assert repr(replace(answer, chosen=None)) == "<Requirement to small, on 6 designs; none>"
-
-
-@pytest.mark.parametrize(("steps", "lanes", "threads", "size"), [
-    ((9, 4), (True, True), 3, runner.BATCH), ((9, 4), (True, False), 3, 3 * runner.ALONE),
-    ((runner.BATCH_STEPS // 5, 4), (True, True), 3, 5),
-    ((4, 2 * runner.BATCH_STEPS), (True, True), 3, 1),
-])  # fmt: skip
-def test_a_part_has_few_runs_where_they_are_long_or_run_alone(
-    steps: tuple[int, ...], lanes: tuple[bool, ...], threads: int, size: int
-) -> None:
-    groups = [SimpleNamespace(steps=n, in_lanes=own) for n, own in zip(steps, lanes, strict=True)]
-    campaign, how = SimpleNamespace(groups=groups), SimpleNamespace(threads=threads)
-    runs = list(range(2 * size + 1))
-    found = [*_parts(campaign, runs, how)]  # type: ignore[arg-type]
-    assert [len(part) for part in found] == [size, size, 1]
-    assert [n for part in found for n in part] == runs
