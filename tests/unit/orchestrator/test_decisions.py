@@ -302,6 +302,8 @@ def test_depths_go_along_the_points_of_a_path(text: str) -> None:
     for wrong in ("-3", "5, -3"):
         with pytest.raises(ConfigurationError, match=r"^depth: must be at least 0, got -3$"):
             decided(begin, {"depth": wrong})
+    at_surface = decided(begin, {"depth": "0"}).scenario.target.waypoint_m[2::3]
+    assert at_surface == (0.0,) * len(at_surface)
     flat = decided(begin, {"depth": text}).scenario.target.waypoint_m
     assert flat[0::3] == begin.target.waypoint_m[0::3]
     assert flat[1::3] == begin.target.waypoint_m[1::3]

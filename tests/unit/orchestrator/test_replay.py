@@ -106,6 +106,15 @@ def test_outputs_are_returned_after_the_wanted_ticks() -> None:
         assert np.array_equal(some[name], whole[name][:, [3, -1]])
 
 
+def test_wanted_ticks_are_numbers_of_the_given_ones() -> None:
+    plan, one = dive("harbour-lbl", "long_baseline")
+    record = execute(plan)
+    rows = news(one, record)
+    for wrong in ([len(rows)], [-1, 3], [4, 4]):
+        with pytest.raises(ConfigurationError, match=f"ascending numbers of {len(rows)} ticks"):
+            replayed(one, record, rows, record=["epoch"], wanted=wrong)
+
+
 @pytest.mark.parametrize(("changes", "message"), [
     ({"parameters": {"nonsense": [1.0]}}, "nonsense: must be one of the parameters"),
     ({"parameters": {"range_std": [-1.0]}}, "range_std: must be between"),
