@@ -13,7 +13,9 @@ from sblcosim.analysis.common.bounds import LEAST_RUNS, mean_bound
 from sblcosim.errors import ConfigurationError
 from scipy import stats
 
-COSTS = {"gps": {"good": 90.0, "fair": 40.0, "bad": 10.0}, "arm": {1: 0.0, 2: 30.0, 3: 50.0}}
+COSTS: dict[str, dict[Any, float]] = {
+    "gps": {"good": 90.0, "fair": 40.0, "bad": 10.0}, "arm": {1: 0.0, 2: 30.0, 3: 50.0},
+}
 
 
 def drawn(random: np.random.Generator) -> pd.DataFrame:
@@ -106,8 +108,8 @@ def test_points_bounds_front_choice_and_answer_are_those_of_a_second_calculation
     kinds: set[str] = set()
     for _ in range(24):
         table = drawn(random)
-        percentile = random.choice([None, 50.0, 80.0, 90.0])
-        limit = random.choice([None, 0.5, 1.0, 1.5, 2.5])
+        percentile = (None, 50.0, 80.0, 90.0)[random.integers(4)]
+        limit = (None, 0.5, 1.0, 1.5, 2.5)[random.integers(5)]
         given = float(random.choice([0.25, 0.5])), float(random.choice([0.9, 0.6]))
         found: Advice = advise(
             table, ["gps", "arm"], "y", COSTS, limit=limit, percentile=percentile, unit="m",
@@ -144,10 +146,11 @@ def test_numbers_of_a_question_are_inside_their_ranges(
 ) -> None:
     table = drawn(np.random.default_rng(72))
     for value in good:
-        advise(table, ["gps", "arm"], "y", COSTS, **{name: value})  # type: ignore[arg-type]
+        options: dict[str, Any] = {name: value}
+        advise(table, ["gps", "arm"], "y", COSTS, **options)
     for value in bad:
         with pytest.raises(ConfigurationError, match=f"{name}: must be .*, got {value}"):
-            advise(table, ["gps", "arm"], "y", COSTS, **{name: value})  # type: ignore[arg-type]
+            advise(table, ["gps", "arm"], "y", COSTS, **(options | {name: value}))
 
 
 @pytest.mark.parametrize(("percentile", "contamination", "confidence", "needed"), [
