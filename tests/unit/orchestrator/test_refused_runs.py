@@ -87,3 +87,8 @@ def test_main_effects_are_proposed_where_they_leave_a_run_for_the_error(
     )
     if fewer:
         assert several_levels(table, [*factors], "y", order=1).runs == columns
+
+
+def test_the_level_that_is_there_twice_is_named() -> None:
+    with pytest.raises(ConfigurationError, match=r"got 1\.0 twice"):
+        several_levels(runs(), ["a", "b"], "y", levels={"a": [0.0, 1.0, 1.0], "b": [2.0, 5.0]})
