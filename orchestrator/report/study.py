@@ -155,7 +155,7 @@ def analysed(
         column,
         int(table["error"].notna().sum()),
         covariance.by_point(table, list(study.varied)) if has_points else pd.DataFrame(),
-        _again(study, results, command or shlex.join(["sblcosim", "analyse", str(results)])),
+        how_to_repeat(study, results, command or shlex.join(["sblcosim", "analyse", str(results)])),
         _worst(study, table, column, results),
         points.tables(study, table) if has_points else [],
         possible.tables(study, table) if has_points else [],
@@ -272,7 +272,7 @@ def _wrong(row: Mapping[Hashable, Any], word: str) -> str:
     return f"{number(row[word])}, {number(low) if low == high else interval(low, high, number)}"
 
 
-def _again(study: Study, results: Path, command: str) -> Section:
+def how_to_repeat(study: Study, results: Path, command: str) -> Section:
     """How to reproduce the results."""
     about = store.described(results)
     lines = [
