@@ -463,6 +463,17 @@ def test_seconds_of_a_device_since_1970_are_a_milliard_or_more(tmp_path: Path) -
     assert FROM_START in log.remarks
 
 
+def test_what_came_since_the_start_of_a_device_came_just_before_the_first_time_of_day(
+    tmp_path: Path,
+) -> None:
+    ssb = ("C", "N", "M", "1", "2", "3", "1", "N", "", "")
+    log = _read(tmp_path, _usbllong(3.0), _usbllong(4.5), _ssb(*ssb, clock="120005.00"),
+                _ssb(*ssb, clock="120008.00"))  # fmt: skip
+    noon = 12 * 3600 * S
+    assert log.fixes["USBL 2"].epoch_ns.tolist() == [noon + 3_500_000_000, noon + 5 * S]
+    assert log.fixes["B01"].epoch_ns.tolist() == [noon + 5 * S, noon + 8 * S]
+
+
 def test_positions_of_the_platform_in_rmc(tmp_path: Path) -> None:
     """Those at the time of a GGA are the same; fixes are relative to the last of either."""
     def rmc(clock: str, north: float, state: str = "A") -> str:
