@@ -126,6 +126,10 @@ def test_a_run_without_an_estimate_says_so_and_the_exit_code_is_1(
     assert done.stderr.startswith(f"error: ekf: {got}")
     done = cli("run", "paper-scenario-1", *nothing)
     assert (done.exit_code, done.stderr) == (0, "")  # without the raw fix that runs along
+    done = cli("run", "harbour-square", "--runs", "2", *nothing)
+    assert done.exit_code == 1
+    assert apart_from_compiling(done.stderr).startswith("error: ekf: ")
+    assert done.stdout.endswith("written to here\n")
 
 
 def test_run_takes_receivers_keys_and_fmi_version(cli: Callable[..., Result]) -> None:
