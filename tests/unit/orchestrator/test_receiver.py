@@ -95,13 +95,13 @@ def test_each_sample_comes_once_and_in_order() -> None:
 
 
 def test_the_depth_at_the_start_is_no_sample() -> None:
-    seen, start_ns, tick_ns = Noting(), 100_000_000_000, 100_000_000
+    seen, start_ns, tick_ns = Noting(), 100_050_000_000, 100_000_000  # between its own times
     seen.initialise(start_ns, {"update_interval": np.array(0.1)})
     none = np.zeros(seen.beacons, dtype=np.int32)
-    for k, epoch in enumerate([100.0, 100.0, 100.1]):
+    for k, epoch in enumerate([100.05, 100.05, 100.15]):
         inputs = {"depth_epoch": np.array(epoch), "depth": np.array(4.0 + k)}
         seen.do_step(start_ns + k * tick_ns, tick_ns, {**inputs, "reception_count": none})
-    assert seen.calls == [[sblcosim.Depth(100.1, 6.0)]]
+    assert seen.calls == [[sblcosim.Depth(100.15, 6.0)]]
 
 
 def test_parameters_of_the_scenario_are_attributes() -> None:
