@@ -155,7 +155,7 @@ def test_whole_paths_and_long_motion_give_the_recorded_numbers(name: str) -> Non
 def test_bounds_and_starts_are_as_recorded(name: str) -> None:
     found = {
         f"{v.causality} {v.name}": [
-            v.type, str(v.unit), *v.shape, *as_recorded.digest(v.starts), v.min, v.max,
+            v.type, str(v.unit), *v.shape, *as_recorded.digest(v.starts), str(v.min), str(v.max),
             str(v.named), *(v.choices or {}).values(),
         ]
         for v in COMPONENTS[name].variables
