@@ -63,16 +63,20 @@ def tables_of(name: str) -> Tables:
     return tables
 
 
+def give(tables: Tables, path: str, one: Callable[[], float]) -> None:
+    """Draw the number, or the numbers, of a key."""
+    table, _, key = path.partition(".")
+    value = getattr(getattr(tables, table), key)
+    given = tuple(one() for _ in value) if isinstance(value, tuple) else one()
+    setattr(getattr(tables, table), key, given)
+
+
 def drawn(seed: int) -> Tables:
     """Tables with random numbers that are not 0, and with random choices."""
     numbers = random.Random(seed)
     tables = tables_of(numbers.choice(shipped()))
     for path, variable in REAL.items():
-        table, _, key = path.partition(".")
-        value = getattr(getattr(tables, table), key)
-        one = one_of(numbers, variable)
-        setattr(getattr(tables, table), key,
-                tuple(one() for _ in value) if isinstance(value, tuple) else one())
+        give(tables, path, one_of(numbers, variable))
     tables.acoustics.packet_content = numbers.choice([*CONTENTS])
     tables.acoustics.schedule = numbers.choice([*SCHEDULES])
     tables.platform.motion = numbers.choice([*MOTION.values()])
@@ -277,10 +281,7 @@ def with_zeros(seed: int) -> Tables:
         one = one_of(numbers, variable)
         if numbers.random() < (0.2, 0.5, 0.8)[seed % 3]:
             one = partial(keys.in_file_units, variable, max(0.0, variable.min or 0.0))
-        table, _, key = path.partition(".")
-        value = value_of(tables, path)
-        setattr(getattr(tables, table), key,
-                tuple(one() for _ in value) if isinstance(value, tuple) else one())
+        give(tables, path, one)
     tables.acoustics.packet_content = choices.choice([*CONTENTS])
     tables.acoustics.schedule = choices.choice([*SCHEDULES])
     tables.platform.motion = choices.choice([*MOTION.values()])
