@@ -128,8 +128,8 @@ class Page:
 
 
 LONG = {
-    "boat", "budget", "compare", "explore", "json", "log", "look-back", "map", "other-tools",
-    "own-system", "ranging", "receiver", "require", "study",
+    "boat", "budget", "compare", "device-log", "dives", "explore", "json", "log", "look-back",
+    "map", "other-tools", "own-system", "ranging", "receiver", "require", "study",
 }
 """Pages whose code takes long; `pytest -m slow` runs it."""
 WITH_CODE = [

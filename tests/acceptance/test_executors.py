@@ -130,6 +130,7 @@ def test_workers_of_a_cluster_get_the_fmus_over_the_wire(tmp_path: Path, referen
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_worker_that_is_killed_costs_nothing(
     tmp_path: Path, seam: Seam, cluster: LocalCluster
 ) -> None:

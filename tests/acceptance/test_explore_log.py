@@ -85,7 +85,7 @@ def axes(track: Mapping[str, Any]) -> np.ndarray[Any, Any]:
 
 
 @pytest.mark.parametrize("scenario", few(
-    listings.scenarios(), quick=["usbl-boat", "gps-buoys"]))
+    listings.scenarios(), quick=["usbl-boat"]))
 def test_every_simulated_dive_has_its_own_estimates(
     scenario: str, told: Mapping[str, Any], tmp_path: Path
 ) -> None:

@@ -190,8 +190,8 @@ def test_some_kills(tmp_path: Path, name: str) -> None:
     killed_and_finished(tmp_path, COMMANDS[name], 2, SEED)
 
 
-@pytest.mark.parametrize("name", ["compare", *(pytest.param(n, marks=pytest.mark.slow)
-                                              for n in ("runs", "budget", "map"))])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["compare", "runs", "budget", "map"])
 def test_some_ends_of_commands_with_many_runs(tmp_path: Path, name: str) -> None:
     kills = 1 if name == "compare" else 2
     killed_and_finished(tmp_path, COMMANDS[name], kills, SEED, (signal.SIGTERM, signal.SIGKILL))

@@ -76,6 +76,7 @@ def test_it_runs_in_lanes_as_alone_and_is_trusted(tmp_path: Path) -> None:
     assert alone.values["damped.update_count"][-1] > 3
 
 
+@pytest.mark.slow
 def test_for_other_beacons_and_the_other_version_it_is_made_anew(tmp_path: Path) -> None:
     made = folder(tmp_path)
     six = source_of(plan_of(made, fmi=3, **{"platform.beacons": 6}))

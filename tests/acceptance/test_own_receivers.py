@@ -91,6 +91,7 @@ def test_its_random_numbers_follow_from_the_seed(random: str) -> None:
     assert last(seed=3, **own) == last(seed=4, **own) != last(seed=3)
 
 
+@pytest.mark.slow
 def test_a_study_gives_the_same_table_on_any_workers(
     random: str, tmp_path: Path, seam: Seam
 ) -> None:

@@ -134,6 +134,7 @@ def test_a_receiver(copy: Copy) -> None:
     assert "direct" in copy.run("sblcosim receivers")
 
 
+@pytest.mark.slow
 def test_an_error_of_the_ranges(copy: Copy) -> None:
     copy.run(f"{SHORT} --out runs/before")
     done(copy, "Add a range error")

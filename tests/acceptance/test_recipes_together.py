@@ -153,6 +153,7 @@ def test_a_schedule_and_a_content_run_as_they_are_said(all_of_them: Copy) -> Non
     assert "one beacon pings in each slot, all, or two" in page
 
 
+@pytest.mark.slow
 def test_a_key_that_sets_others(all_of_them: Copy) -> None:
     (commands,) = [text for language, text in recipe("Add a key that sets others")
                    if language == "sh"]  # fmt: skip

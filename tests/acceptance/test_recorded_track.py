@@ -85,6 +85,7 @@ def same(one: Any, other: Any) -> None:
         np.testing.assert_array_equal(values, other.record.values[name], err_msg=name)
 
 
+@pytest.mark.slow
 def test_the_diver_stays_within_the_tolerance_of_the_whole_track(folder: Path) -> None:
     whole = sblcosim.run(folder / "csv.toml", overrides={"receiver.type": "ekf"})
     times, points = dive()

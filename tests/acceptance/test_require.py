@@ -82,6 +82,7 @@ def test_threads_and_processes_give_the_same_answer(
     assert written(tmp_path) == reference
 
 
+@pytest.mark.slow
 def test_a_dask_cluster_gives_the_same_answer(
     tmp_path: Path, question: Path, reference: dict[str, bytes], seam: Seam
 ) -> None:

@@ -174,6 +174,7 @@ def mounts() -> bool:
         return False
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not mounts(), reason="needs a file system of its own")
 def test_a_disk_that_is_full_ends_it_in_one_line_and_what_is_done_stays(
     tmp_path: Path, whole: Path

@@ -144,6 +144,7 @@ def test_every_tool_gives_our_estimates(
         np.testing.assert_array_equal(ours(scenario, master), reference)
 
 
+@pytest.mark.slow
 def test_a_master_that_steps_one_fmu_after_another_is_outside_the_contract(
     packages: Callable[[str], Path],
 ) -> None:

@@ -10,6 +10,8 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +20,7 @@ import sblcosim
 from sblcosim.scenario.scenario import Scenario
 
 ROOT = Path(__file__).parents[2]
-CHECKERS = ("mypy", "basedpyright")
+CHECKERS = (pytest.param("mypy", marks=pytest.mark.slow), "basedpyright")
 
 GOOD = '''
 from collections.abc import Sequence
@@ -103,9 +105,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def found(folder: Path) -> dict[str, set[tuple[str, int, str]]]:
+def found(folder: Path) -> Callable[[str], set[tuple[str, int, str]]]:
     """What each checker says: file, line and message."""
-    return {"mypy": mypy(folder), "basedpyright": basedpyright(folder)}
+    return cache(lambda checker: {"mypy": mypy, "basedpyright": basedpyright}[checker](folder))
 
 
 def run_mypy(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
@@ -120,6 +122,7 @@ def run_mypy(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, cwd=folder, capture_output=True, text=True)
 
 
+@pytest.mark.slow
 def test_the_package_is_typed(folder: Path) -> None:
     done = run_mypy(folder, "-p", "sblcosim")
     assert done.returncode == 0, done.stdout + done.stderr
@@ -155,18 +158,18 @@ def basedpyright(folder: Path) -> set[tuple[str, int, str]]:
 @pytest.mark.parametrize("checker", CHECKERS)
 def test_the_lines_of_the_documents_are_typed(found: Any, checker: str) -> None:
     assert "readme_1.py" in BLOCKS
-    assert {problem for problem in found[checker] if problem[0] in BLOCKS} == set()
+    assert {problem for problem in found(checker) if problem[0] in BLOCKS} == set()
 
 
 @pytest.mark.parametrize("checker", CHECKERS)
 def test_what_is_right_passes_without_a_cast(found: Any, checker: str) -> None:
-    assert {problem for problem in found[checker] if problem[0] == "good.py"} == set()
+    assert {problem for problem in found(checker) if problem[0] == "good.py"} == set()
 
 
 @pytest.mark.parametrize("checker", CHECKERS)
 def test_a_wrong_key_or_type_is_an_error(found: Any, checker: str) -> None:
     wrong = {i for i, line in enumerate(BAD.splitlines(), 1) if line.startswith("sblcosim.")}
-    assert {line for file, line, _ in found[checker] if file == "bad.py"} == wrong
+    assert {line for file, line, _ in found(checker) if file == "bad.py"} == wrong
 
 
 def test_the_typed_keys_are_those_of_a_scenario() -> None:

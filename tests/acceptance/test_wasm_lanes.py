@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 import pytest
 import sblcosim
-from quick import few
+from quick import few, one_in
 from sblcosim.errors import ConfigurationError
 from sblcosim.fmus.build import compiler
 from sblcosim.models import RECEIVERS
@@ -213,6 +213,7 @@ SMALL = ("ekf", "multilateration")
 
 
 @pytest.mark.filterwarnings("ignore")
+@one_in(2)
 @pytest.mark.parametrize("lanes", [1, 2])
 def test_other_beacons_intervals_and_start_values(lanes: int, tmp_path: Path) -> None:
     """Six beacons; receivers that are held between updates; a start value that the host changes."""

@@ -251,7 +251,7 @@ def may_be_unknown(beacons: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("cases", few([QUICK_CASES, SLOW_CASES], quick=[QUICK_CASES]))
-@pytest.mark.parametrize("beacons", COUNTS)
+@pytest.mark.parametrize("beacons", few(COUNTS, quick=(3, 4, 8)))
 def test_settings_at_random_have_the_same_bits(beacons: int, cases: int, tmp_path: Path) -> None:
     numbers, done, known = random.Random(f"{beacons} {cases}"), 0, 0
     unknown = may_be_unknown(beacons)

@@ -29,7 +29,7 @@ def test_intervals_hold_the_numbers_of_the_device(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", LOGS)
-@one_in(3)
+@one_in(6)
 def test_in_a_few_logs_they_do(name: str) -> None:
     check(name, coverage(name, 6, 901), 0.5)
 

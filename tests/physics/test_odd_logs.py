@@ -30,7 +30,7 @@ def test_claims_on_odd_logs_are_honest() -> None:
 
 @pytest.mark.parametrize("seed", [
     pytest.param(108, id="misplaced", marks=pytest.mark.slow), pytest.param(130, id="walk, gaps"),
-    pytest.param(204, id="surveyed well"),
+    pytest.param(204, id="surveyed well", marks=pytest.mark.slow),
     pytest.param(334, id="misplaced, another track", marks=pytest.mark.slow),
 ])  # fmt: skip
 def test_claims_on_some_of_them_are(seed: int) -> None:

@@ -107,6 +107,7 @@ def test_the_smoother_on_a_track_with_corners(q: float | str) -> None:
     assert sum(it.believable for it in tracks) >= 11
 
 
+@pytest.mark.slow
 def test_the_smoother_refuses_where_the_bearing_is_unknown() -> None:
     """Three beacons and a loss of 85 %. With full steps, a third of the passes do not converge.
 

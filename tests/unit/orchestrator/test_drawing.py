@@ -241,6 +241,7 @@ def test_without_another_process(
     assert not children
 
 
+@pytest.mark.slow
 def test_neither_process_waits_for_what_it_does_not_need() -> None:
     """Matplotlib is for the one that draws, scenarios are for the one that simulates."""
     needless = (

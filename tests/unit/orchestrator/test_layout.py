@@ -191,6 +191,7 @@ def test_what_is_printed_fits_the_terminal(tmp_path: Path) -> None:
     assert not any("\x1b" in line for some in lines.values() for line in some)
 
 
+@pytest.mark.slow
 def test_a_pipe_gets_whole_lines_whatever_the_terminal(tmp_path: Path) -> None:
     lines = printed(tmp_path, None)
     assert any(len(line) > 100 for line in lines["study"])

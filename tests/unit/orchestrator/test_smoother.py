@@ -245,6 +245,7 @@ def test_first_trajectories_that_are_turned_lead_to_the_track() -> None:
 # --- How restless the diver is -------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_q_is_learned_for_each_stretch() -> None:
     """A diver who is steady, then restless, then steady; the median over dives of its log."""
     true = np.repeat([0.002, 0.2, 0.002], 80)

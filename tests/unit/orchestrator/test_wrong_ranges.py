@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 from made_logs import changed, made, on_a_boat
 from numpy.typing import NDArray
-from quick import few
+from quick import few, one_in
 from sblcosim import identify, process
 from sblcosim.logs.log import Log
 from sblcosim.processing.settings import settled
@@ -80,6 +80,7 @@ def test_ranges_that_are_far_too_late_are_survived_counted_and_said(
     assert made_error <= 1.5 * error_without(kind, share)
 
 
+@one_in(2)
 @pytest.mark.parametrize("by", [50.0, 1000.0])
 def test_identify_is_not_spoiled_by_them(by: float) -> None:
     log = log_of("fixed")
