@@ -115,6 +115,7 @@ def test_the_number_is_in_name_and_description(beacons: int) -> None:
             assert sized is component
 
 
+@pytest.mark.slow
 def test_packages_come_back(tmp_path: Path) -> None:
     scenario = hull(6)
     path = export_ssp(scenario, tmp_path / "six.ssp", "sequential")

@@ -129,7 +129,7 @@ class Page:
 
 LONG = {
     "boat", "budget", "compare", "device-log", "dives", "explore", "json", "log", "look-back",
-    "map", "other-tools", "own-system", "ranging", "receiver", "require", "study",
+    "map", "other-tools", "own-system", "ranging", "receiver", "require", "scenario", "study",
 }
 """Pages whose code takes long; `pytest -m slow` runs it."""
 WITH_CODE = [

@@ -169,11 +169,13 @@ def test_the_same_holds_for_a_sea_with_a_spectrum() -> None:
     check(load("paper-scenario-1", SHORT | {"platform.arm_length_m": 2.9} | SPECTRUM))
 
 
+@pytest.mark.slow
 def test_the_same_holds_for_a_recorded_track() -> None:
     check(load("paper-scenario-1", {
         "target": TRACK, "receiver.type": "ekf", "platform.arm_length_m": 2.9, **SHORT}))
 
 
+@pytest.mark.slow
 def test_the_same_holds_for_a_boat_on_a_track() -> None:
     check(load("paper-scenario-1", {
         **{f"platform.{key}": it for key, it in BOAT.items()}, "receiver.type": "ekf",

@@ -404,6 +404,7 @@ def test_receivers_are_compared_and_chosen_where_they_are_compared(
     assert shown["short"] == ["coupled or ekf", "no difference that is clear of chance"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width", few([1400, 390], quick=[390]))
 def test_receivers_for_other_beacons_are_doubted(browsing: Callable[..., Tab], width: int) -> None:
     before, after, seen = browsing(width=width).run(f"""{HELPERS}

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import made_logs
 import pytest
-from quick import one_in
 from said import apart_from_compiling
 
 COMMANDS = {
@@ -88,7 +87,7 @@ LIMIT = pytest.param(
 )
 
 
-@one_in(2)
+@pytest.mark.slow
 @pytest.mark.parametrize(("full", "prefix"), [DISK, LIMIT])
 def test_every_file_is_there_whole_or_not_at_all(
     tmp_path: Path, full: str, prefix: list[str]

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 import sblcosim
+from quick import one_in
 from sblcosim.comparison.many.run import run_many
 from sblcosim.errors import ConfigurationError
 from sblcosim.fmus.build import factory
@@ -134,6 +135,7 @@ def test_it_warns_where_it_is_not_for_the_beacons(tmp_path: Path) -> None:
         plan_of(folder(tmp_path, unfit))
 
 
+@one_in(2)
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
@@ -231,6 +233,7 @@ def test_each_public_function_with_a_time_limit_is_tried() -> None:
     assert limited <= WITH_A_LIMIT.keys()
 
 
+@pytest.mark.slow
 def test_what_it_prints_is_no_part_of_the_result(tmp_path: Path) -> None:
     made = folder(tmp_path, (
         "RECEIVER =", "print('{not json')\nimport os; os.write(1, b'raw\\n')\nRECEIVER ="))

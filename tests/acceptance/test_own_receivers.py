@@ -62,6 +62,7 @@ def assert_same(one: sblcosim.Result, other: sblcosim.Result) -> None:
         assert values.tobytes() == other.record.values[name].tobytes(), name
 
 
+@one_in(2)
 @pytest.mark.parametrize("master", ["native", "lanes"])
 @pytest.mark.parametrize(
     "keys",

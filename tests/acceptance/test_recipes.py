@@ -148,6 +148,7 @@ def test_an_error_of_the_ranges(copy: Copy) -> None:
     assert copy.run(f"'{sys.executable}' -c \"{known}\"") == "the bubbles\n"
 
 
+@pytest.mark.slow
 def test_a_trajectory(copy: Copy) -> None:
     done(copy, "Add a trajectory")
     # At the default of 45 degrees the course is sqrt(2) times as long as its progress.
@@ -232,6 +233,7 @@ def test_a_column_of_the_table_of_errors(copy: Copy) -> None:
     assert row == "| `median_m` | m | Median; of the length for the total |"
 
 
+@pytest.mark.slow
 def test_a_command(copy: Copy) -> None:
     assert done(copy, "Add a command") == "4 beacons\n"
     assert "how many beacons" in copy.run("sblcosim --help")
@@ -239,6 +241,7 @@ def test_a_command(copy: Copy) -> None:
     assert "## beacons" in pages
 
 
+@pytest.mark.slow
 def test_a_grade(copy: Copy) -> None:
     done(copy, "Add a grade of a sensor")
     text = (copy.folder / "runs" / "survey" / "scenario.toml").read_text("utf-8")

@@ -117,9 +117,8 @@ def browsing(tmp_path: Path) -> Iterator[Callable[..., Tab]]:
             tab.close()
 
 
-@one_in(3)
 @pytest.mark.parametrize("seed", few([1, 7, 19], quick=[1]))
-@pytest.mark.parametrize("name", RUNS)
+@pytest.mark.parametrize("name", few(RUNS, quick=["platform"]))
 def test_the_numbers_shown_at_a_time_are_those_of_the_run(
     name: str, seed: int, tmp_path: Path, browsing: Callable[..., Tab]
 ) -> None:

@@ -97,6 +97,7 @@ def test_a_campaign_that_is_killed_goes_on_and_ends_with_the_same_table(
     assert sum(len(pd.read_parquet(p)) for p in parts) == RUNS  # nothing was done twice
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="signals")
 @pytest.mark.parametrize(("number", "expected"), [
     (signal.SIGINT, 130), pytest.param(signal.SIGTERM, 143, marks=pytest.mark.slow),
@@ -204,6 +205,7 @@ def test_a_disk_that_is_full_ends_it_in_one_line_and_what_is_done_stays(
     assert (kept / "runs.parquet").read_bytes() == (whole / "runs.parquet").read_bytes()
 
 
+@pytest.mark.slow
 def test_bad_input_gets_one_line(tmp_path: Path, whole: Path) -> None:
     shutil.copytree(whole, tmp_path / "results")
     for arguments, message in (

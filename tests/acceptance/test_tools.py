@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 import sblcosim
 from numpy.typing import NDArray
-from quick import few
+from quick import few, one_in
 from sblcosim.cli import app
 from sblcosim.export.container import export_fmu
 from sblcosim.export.ssp import export_ssp
@@ -277,6 +277,7 @@ def test_without_a_file_an_example_says_how_it_is_used(script: str) -> None:
     assert line.startswith(f"usage: python examples/{script} ")
 
 
+@one_in(2)
 @pytest.mark.parametrize("what", ["not there", "no archive", "another archive", "no receiver"])
 @pytest.mark.parametrize("script", SCRIPTS)
 def test_a_file_that_is_of_no_use_gets_one_line(script: str, what: str, tmp_path: Path) -> None:

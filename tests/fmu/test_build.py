@@ -144,7 +144,7 @@ def test_library_has_no_variables_of_its_own(name: str, fmi: int, tmp_path: Path
 # Equal bytes, at most once -----------------------------------------------------------------------
 
 
-@one_in(2)
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "fmi"), [("acoustics", 3), (SMALL, 2)])
 def test_two_builds_are_byte_identical(
     name: str, fmi: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

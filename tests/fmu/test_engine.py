@@ -103,7 +103,7 @@ CHAIN = ("target", "platform", "acoustics", *RECEIVERS)
 
 @pytest.mark.parametrize(
     ("name", "builds"),
-    [(name, FEW) for name in CHAIN if name in ("target", "platform", "acoustics", "ekf", "coupled")]
+    [(name, FEW) for name in CHAIN if name in ("target", "platform", "acoustics", "ekf")]
     + [pytest.param(name, BUILDS, marks=pytest.mark.slow) for name in CHAIN],
 )  # fmt: skip
 def test_every_number_of_lanes_gives_the_same_bits(

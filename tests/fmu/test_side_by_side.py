@@ -121,6 +121,7 @@ def test_the_engines_of_both_versions_are_compiled_once(fresh_cache: Path, seam:
     assert sorted(call[0] for call in shared) == ["fmi2.c", "fmi3.c", "lanes.c"]
 
 
+@pytest.mark.slow
 def test_the_functions_of_fmi_have_no_engine_of_their_own(
     fresh_cache: Path, seam: Seam
 ) -> None:

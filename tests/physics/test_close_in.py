@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import sblcosim
+from quick import one_in
 from sblcosim import limits
 from sblcosim.judge.over_runs import pooled
 from sblcosim.results.sums import responses
@@ -89,6 +90,7 @@ def cell(runs: int, receiver: str, psd: float, **form: Any) -> tuple[Any, float]
     return table, float(np.sqrt(np.mean(possible)))
 
 
+@one_in(2)
 @pytest.mark.parametrize(("receiver", "psd"), [
     ("coupled", 0.03), ("coupled", LEARNED), ("fixed_lag", LEARNED),
 ], ids=["given", "learned", "later"])

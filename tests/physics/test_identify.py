@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pytest
 from identified import CARRIED, LOGS, coverage, missed
-from quick import one_in
 
 RUNS = 400
 OFTEN = {"harbour-lbl": (), "random_path": (), "model": ("late_share", "late_mean")}
@@ -28,8 +27,8 @@ def test_intervals_hold_the_numbers_of_the_device(name: str) -> None:
     check(name, coverage(name, RUNS), 0.9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", LOGS)
-@one_in(6)
 def test_in_a_few_logs_they_do(name: str) -> None:
     check(name, coverage(name, 6, 901), 0.5)
 

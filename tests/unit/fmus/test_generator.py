@@ -7,6 +7,7 @@ from math import prod
 
 import casadi as ca
 import pytest
+from quick import one_in
 from sblcosim.fmus.build.generator import model_source, state_indices
 from sblcosim.fmus.build.straight_line import statements
 from sblcosim.models import COMPONENTS, RECEIVERS
@@ -67,6 +68,7 @@ def test_each_sine_and_cosine_is_declared_once() -> None:
     assert set(re.findall(r"a\d+", text)) == set(declared)
 
 
+@one_in(2)
 @pytest.mark.parametrize("name", COMPONENTS)
 def test_each_state_has_a_place_of_its_own(name: str) -> None:
     places = state_indices(load(name))
@@ -81,12 +83,14 @@ def test_a_state_that_is_an_output_is_kept_once() -> None:
     assert sorted(state_indices(model)) == [*range(outputs + sum(map(prod, others)))]
 
 
+@one_in(2)
 @pytest.mark.parametrize("name", COMPONENTS)
 def test_variants_are_selected_where_there_are_several(name: str) -> None:
     model = load(name)
     assert ("switch (variant)" in model_source(model)) == (len(model.variants) > 1)
 
 
+@one_in(2)
 @pytest.mark.parametrize("name", [*RECEIVERS, "acoustics"])
 def test_outputs_that_never_change_are_written_at_the_start_alone(name: str) -> None:
     """Of the raw fix, which has no velocity, more than half of the covariance."""

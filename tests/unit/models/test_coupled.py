@@ -304,6 +304,7 @@ def test_a_clock_alone_is_no_packet() -> None:
     assert finite(box)
 
 
+@one_in(2)
 @pytest.mark.parametrize("start", [{}, PRIOR])
 @pytest.mark.parametrize("pose_source", [1, 2, 3])
 @pytest.mark.parametrize(("parameters", "states"), [

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from coupled_reference import gradient, retracted, rotation
 from harness import Array
+from quick import one_in
 from sblcosim.models import RECEIVERS
 from sblcosim.models.receiver import arc, lateness, least_squares, pose, start, surroundings
 from sblcosim.models.receiver.surroundings import STATES
@@ -224,6 +225,7 @@ def test_a_fix_moves_out_to_the_median_of_its_priors(
 # --- Late ranges ---------------------------------------------------------------------------------
 
 
+@one_in(2)
 @pytest.mark.parametrize("chance", [0.0, 0.01, 0.3, 0.9])
 @pytest.mark.parametrize("mean", [0.01, 1.0, 30.0])
 @pytest.mark.parametrize("S", [1e-6, 1e-2, 1.0, 900.0])

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from known_indices import FUNCTIONS, RARE, STEPS, Known
 from numpy.typing import NDArray
+from quick import one_in
 from sblcosim.analysis.space import jackknife, two_values
 from sblcosim.analysis.space.analysis import indices
 from sblcosim.analysis.space.jackknife import IndexEstimates
@@ -57,6 +58,7 @@ def by_chance(samples: int, share: float) -> float:
     return float(stats.binom.ppf(1e-3, samples, share) / samples)
 
 
+@one_in(2)
 @pytest.mark.parametrize("name", ALL)
 def test_intervals_hold_the_indices_of_any_function(name: str) -> None:
     a, b = drawn(SAMPLES, 64)
@@ -192,6 +194,7 @@ def test_intervals_hold_the_indices_of_events_of_any_share(name: str, share: flo
             assert min(shares, default=1) >= by_chance(int(some.sum()), 0.88)
 
 
+@one_in(2)
 @pytest.mark.parametrize("name", SCORES)
 @pytest.mark.parametrize("share", SHARES)
 def test_what_is_said_of_events_is_from_0_to_1_and_few_are_too_few(name: str, share: float) -> None:

@@ -15,6 +15,7 @@ import pandas as pd
 import pytest
 import sblcosim
 import sblcosim.cli
+from quick import one_in
 from sblcosim.areas import distance, motion, runs
 from sblcosim.areas.distance_result import DistanceCurve, row_step
 from sblcosim.areas.rings import Rings, rings_of
@@ -247,6 +248,7 @@ def test_finished_runs_are_not_done_again(tmp_path: Path, seam: Seam) -> None:
 # --- The sentence of a data sheet ----------------------------------------------------------------
 
 
+@one_in(2)
 @pytest.mark.parametrize("name", shipped())
 def test_a_sentence_holds_for_other_runs(name: str) -> None:
     """For each depth, what it says is what other noise gives, at each distance."""

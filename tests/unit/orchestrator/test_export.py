@@ -340,6 +340,7 @@ def test_names_are_identifiers(version: int, tmp_path: Path) -> None:
         assert sequential == (name == "x2nd")
 
 
+@pytest.mark.slow
 def test_steps_are_the_longest_that_divide_all_intervals(tmp_path: Path) -> None:
     scenario = {
         **SCENARIO,

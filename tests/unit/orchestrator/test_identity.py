@@ -12,6 +12,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from quick import one_in
 from sblcosim.errors import ConfigurationError
 from sblcosim.report.common import as_toml
 from sblcosim.simulation.code import local_files, origins, user_code
@@ -140,6 +141,7 @@ def named(*tables: str) -> list[tuple[str, str]]:
     return [(table, name) for table in tables for name in TABLES[table][1]]
 
 
+@one_in(2)
 @pytest.mark.parametrize("case", named("change", "import"), ids=": ".join)
 def test_a_change_makes_other_code(found: Found, case: tuple[str, str]) -> None:
     one, two, again = found[case]

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from quick import one_in
 from sblcosim.fmus.build import c_files, compiler
 from sblcosim.judge.definitions import order_statistics
 from sblcosim.simulation.masters import c_libraries
@@ -64,6 +65,7 @@ def statistics(library: Any, squares: NDArray[np.float64]) -> NDArray[np.float64
     return result
 
 
+@one_in(2)
 @pytest.mark.parametrize("n", [1, 2, 19, 300, 70_000])
 @pytest.mark.parametrize("case", CASES)
 def test_they_are_those_of_the_definition(library: Any, case: str, n: int) -> None:

@@ -17,6 +17,7 @@ import as_recorded
 import numpy as np
 import pytest
 import sblcosim
+from quick import one_in
 from sblcosim.cli import app
 from sblcosim.data.record import Record
 from sblcosim.errors import ConfigurationError, ConfigurationWarning, FmuError
@@ -65,6 +66,7 @@ def same(record: Record, expected: Record) -> None:
 # --- Our packages ---------------------------------------------------------------------------------
 
 
+@one_in(2)
 @pytest.mark.parametrize("version", [1, 2])
 @pytest.mark.parametrize("name", sblcosim.scenarios())
 def test_every_scenario_comes_back_to_the_bit(name: str, version: int, tmp_path: Path) -> None:
@@ -89,6 +91,7 @@ def test_a_receiver_that_is_updated_less_often_comes_back(master: str, tmp_path:
     assert result.update_interval_ns == 200_000_000
 
 
+@pytest.mark.slow
 def test_a_baked_package_comes_back(tmp_path: Path) -> None:
     file = export_ssp(DIVE, tmp_path / "x.ssp", bake=True)
     same(sblcosim.run(file).record, execute(resolve(connect(sblcosim.load(DIVE)))))

@@ -737,6 +737,7 @@ def test_too_few_estimates_align_nothing() -> None:
     assert any(line.startswith("truth: not used") for line in processed.remarks)
 
 
+@one_in(2)
 @pytest.mark.parametrize("estimated", ["clock", "frame", "both"])
 @pytest.mark.parametrize("first", [0, 150, 300])
 @pytest.mark.parametrize(("seconds", "fits"), [(40, False), (100, False), (140, True)])

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import sblcosim
+from quick import one_in
 from sblcosim.data.record import Record
 from sblcosim.errors import FmuError
 from sblcosim.judge import metrics
@@ -233,6 +234,7 @@ def possible(number: int, plan: Plan) -> bool:
     return True
 
 
+@one_in(2)
 @pytest.mark.parametrize("number", [1, 2, 4, 8])
 @pytest.mark.parametrize("start_ns", [0, -12_345_678_901, 1_700_000_000 * SECOND])
 @pytest.mark.parametrize("change", [lambda s: s, coarse_target], ids=["plain", "coarse"])

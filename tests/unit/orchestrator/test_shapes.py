@@ -38,6 +38,7 @@ def test_no_text_is_cut_off_or_lies_on_other_text(figure, name):
     assert drawing.WIDTH <= width < 1.12 * drawing.WIDTH
 
 
+@one_in(2)
 @pytest.mark.parametrize("name", SHAPES)
 def test_all_of_the_first_receiver_is_within_the_axes_over_time(name):
     run = run_of(SHAPES[name])
@@ -55,6 +56,7 @@ def test_raw_fixes_are_on_the_map_but_for_outliers(name):
     assert on.mean() > 0.97
 
 
+@one_in(2)
 @pytest.mark.parametrize("name", SHAPES)
 def test_marks_in_time_are_labelled_where_they_are(name):
     """Within a third of an inch; and no mark where the path is too short on paper for any."""

@@ -261,6 +261,7 @@ def test_q_is_learned_for_each_stretch() -> None:
     assert 5 * max(steady, again) < restless
 
 
+@pytest.mark.slow
 def test_learned_q_mends_the_covariance() -> None:
     true = np.repeat([0.001, 0.1], 60)
     nees: dict[bool, list[float]] = {True: [], False: []}
