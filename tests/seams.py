@@ -34,7 +34,7 @@ def numbers() -> dict[str, tuple[ModuleType, str]]:
     from sblcosim.require import limiting
     from sblcosim.results.figures import animation
     from sblcosim.simulation.children import process
-    from sblcosim.simulation.masters import lanes
+    from sblcosim.simulation.masters import lanes, replay
     from sblcosim.study import executors, parts, runner
     from sblcosim.tracks import read, track
 
@@ -61,6 +61,7 @@ def numbers() -> dict[str, tuple[ModuleType, str]]:
         "reach": (bounds, "REACH"),
         "rolled_from": (rolling, "MANY"),
         "rolled_gain": (rolling, "LEAST"),
+        "replayed_together": (replay, "_TOGETHER"),
         "room_bytes": (lanes, "ROOM_BYTES"),
         "track_bytes": (read, "LARGEST"),
         "track_points": (track, "MOST_POINTS"),

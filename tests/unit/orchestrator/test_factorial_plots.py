@@ -319,6 +319,7 @@ def test_residuals_are_compared_with_a_normal_distribution(replicated, count):
         assert len(mine.get_xdata()) == count
     for panel in (fits, order):
         assert [*panel.lines[0].get_ydata()] == [0, 0]
+        assert panel.lines[0]._unscaled_dash_pattern == style.LINES[1]
     titles = [panel.get_title("left") for panel in (normal, histogram, fits, order)]
     assert titles == ["Normal probability", "Histogram", "Against fitted values",
                       "Against run order"]  # fmt: skip

@@ -458,11 +458,14 @@ def test_a_parameter_of_nothing_is_warned_of(stranger2: Path, tmp_path: Path) ->
         assert settings(path) == {}
 
 
-@pytest.mark.parametrize("outside", [False, True])
+@pytest.mark.parametrize(("outside", "more"), [
+    (False, " and 4 more"), (True, " and 5 more"), (False, " and 1 more"), (False, ""),
+])  # fmt: skip
 def test_parameters_of_nothing_are_warned_of_together(
-    outside: bool, stranger2: Path, tmp_path: Path
+    outside: bool, more: str, stranger2: Path, tmp_path: Path
 ) -> None:
-    names = [f"part {i}.what" for i in range(12)]
+    count = {" and 1 more": 9, "": 8}.get(more, 12)
+    names = [f"part {i}.what" for i in range(count)]
     binding = bound(values(*((name, "Real", 'value="1"') for name in [*names, "gian"])))
     path = package(
         tmp_path, stranger2, component("a", "" if outside else binding),
@@ -473,11 +476,11 @@ def test_parameters_of_nothing_are_warned_of_together(
     listed = ", ".join(f"'{name}'" for name in names[:8])
     many = "have no effect: there are no such variables"
     if outside:  # nothing there is called like "gian"
-        expected = [f"parameters of the system: {listed} and 5 more {many}"]
+        expected = [f"parameters of the system: {listed}{more} {many}"]
     else:
         expected = [
             "a: parameter 'gian' has no effect: there is no such variable; did you mean 'gain'?",
-            f"a: parameters {listed} and 4 more {many}",
+            f"a: parameters {listed}{more} {many}",
         ]
     assert [str(w.message) for w in caught] == [f"{path}: {words}" for words in expected]
 
@@ -1602,6 +1605,10 @@ ODD: dict[str, tuple[dict[str, str], str]] = {
     "a time that is none": (
         {"elements": A, "after": '<ssd:DefaultExperiment stopTime="nan"/>'},
         r"stopTime: must be a finite number, got 'nan'",
+    ),
+    "a time that ticks cannot count": (
+        {"elements": A, "after": '<ssd:DefaultExperiment stopTime="4000000000"/>'},
+        r"stopTime: must be less than 4e\+09 s, got 4000000000$",
     ),
     "another version": ({"elements": A, "version": "3.0"}, r"must be of version 1\.0 or 2\.0, got"),
     "an unknown kind of connection": (

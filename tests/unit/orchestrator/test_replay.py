@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
 import sblcosim
 from sblcosim.data.record import Record
 from sblcosim.errors import ConfigurationError, FmuError
+from sblcosim.fmus import stopping
 from sblcosim.fmus.build import factory
 from sblcosim.fmus.read.ports import read
 from sblcosim.scenario.wiring import connect
@@ -18,6 +20,7 @@ from sblcosim.simulation.masters import python
 from sblcosim.simulation.masters.replay import replay
 from sblcosim.simulation.plans.plan import Plan, PlannedComponent
 from sblcosim.simulation.resolve import resolve
+from seams import Seam
 from stranger import build_stranger
 
 CASES = (
@@ -82,6 +85,22 @@ def test_only_ticks_with_news_are_needed_and_the_bits_are_those_of_the_run(
         assert found[output].shape == (1, *expected.shape)
         assert found[output][0].tobytes() == expected.tobytes()
     assert record.valid(receiver)[-1]
+
+
+@pytest.mark.parametrize("few", [2, 4, 7, 19])
+def test_a_long_replay_is_one_of_few_instants_after_another(few: int, seam: Seam) -> None:
+    """Between them, an interrupt is looked for."""
+    plan, one = dive("realistic-dive", "coupled")
+    record = execute(plan)
+    rows = news(one, record)
+    assert len(rows) > 2 * few
+    whole = replayed(one, record, rows)
+    seam.instead(stopping.check, looked := MagicMock())
+    seam.tuned(replayed_together=few)
+    found = replayed(one, record, rows)
+    assert looked.call_count == -(-len(rows) // few)
+    for output in RECORDED:
+        assert found[output].tobytes() == whole[output].tobytes()
 
 
 @pytest.mark.parametrize("lanes", [1, 2, 4, 0])

@@ -13,6 +13,7 @@ from dataclasses import replace
 from functools import cache
 from math import isfinite
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import jsonschema
@@ -28,7 +29,7 @@ from sblcosim.errors import ConfigurationError
 from sblcosim.fmus.build import factory
 from sblcosim.judge.definitions import LOST
 from sblcosim.report.common import as_toml
-from sblcosim.require import figures, limiting, sequential
+from sblcosim.require import figures, limiting, run, sequential
 from sblcosim.require.figures import plot_front, plot_narrow
 from sblcosim.require.file_schema import question_schema
 from sblcosim.require.question import Question, passable
@@ -40,7 +41,7 @@ from sblcosim.require.weighing import answered
 from sblcosim.results.figures.drawing import free_places
 from sblcosim.results.responses import FLAGS, RESPONSES, check_limit
 from sblcosim.simulation.how import How
-from sblcosim.study import store
+from sblcosim.study import runner, store
 from scipy import stats
 from seams import Seam
 from typer.testing import CliRunner
@@ -328,6 +329,23 @@ def test_progress_grows_and_leaves_a_rest_for_the_answer(found: tuple[Requiremen
     assert shares[-1] == 0.99
 
 
+@pytest.mark.parametrize(("steps", "in_lanes", "threads", "size"), [
+    ((100,), True, 4, runner.BATCH), ((100, 10**9), True, 4, 1),
+    ((100, 2 * runner.BATCH_STEPS // runner.BATCH), True, 1, runner.BATCH // 2),
+    ((100, 100), False, 1, runner.ALONE), ((100, 100), False, 3, 3 * runner.ALONE),
+])  # fmt: skip
+def test_a_kill_loses_so_many_runs(
+    steps: tuple[int, ...], in_lanes: bool, threads: int, size: int
+) -> None:
+    groups = [SimpleNamespace(steps=n, in_lanes=in_lanes or i == 0) for i, n in enumerate(steps)]
+    runs: Any = range(3 * size + 1)
+    campaign: Any = SimpleNamespace(groups=groups)
+    how: Any = SimpleNamespace(threads=threads)
+    parts = [*run._parts(campaign, runs, how)]
+    assert [len(part) for part in parts] == [size] * 3 + [1]
+    assert [place for part in parts for place in part] == [*runs]
+
+
 def test_any_run_can_be_done_again(found: tuple[Requirement, Path]) -> None:
     out = found[1] / "runs"
     run = store.table(out).iloc[100]
@@ -570,6 +588,14 @@ def test_large_costs_are_not_cut_off(plot: Any) -> None:
     ax = plot(pretended(question, dict.fromkeys(range(6), 0.5)))
     ax.figure.draw_without_rendering()
     assert 0 <= ax.get_tightbbox().x0 < ax.get_tightbbox().x1 <= ax.figure.bbox.x1
+
+
+def test_room_beside_the_axes_is_for_their_labels() -> None:
+    ax = plot_front(drawn_answer())
+    ax.figure.draw_without_rendering()
+    inch, labels = ax.figure.dpi, ax.get_tightbbox()
+    assert labels.x0 / inch == pytest.approx(0.08, abs=0.02)
+    assert 0.02 < (ax.figure.bbox.x1 - labels.x1) / inch < 0.2
 
 
 @pytest.mark.parametrize("plot", [plot_front, plot_narrow])

@@ -16,7 +16,7 @@ from sblcosim.errors import BuildError, ConfigurationError, ConfigurationWarning
 from sblcosim.results.sums import SUMS
 from sblcosim.simulation.how import How
 from sblcosim.simulation.masters import lanes, lanes_layout, native
-from sblcosim.study import again, batch, campaign, definition, executors, runner, study
+from sblcosim.study import again, batch, campaign, definition, executors, runner, study, tables
 from seams import Seam
 
 ARM = {"keys": ["platform.arm_length_m"], "levels": [0.4, 3.0]}
@@ -699,3 +699,12 @@ def test_another_label_is_not_another_study(tmp_path: Path) -> None:
 def test_labels_that_would_be_mistaken_for_something_else_are_refused(label: str) -> None:
     with pytest.raises(ConfigurationError, match=r"\[factors.arm\] label: must|label: must differ"):
         small(factors={"arm": {**ARM, "label": label}, "gps": GPS})
+
+
+def test_a_number_among_names_is_written_so_that_it_can_be_read_back() -> None:
+    given = ["developed", 8.5, 3, 0.123456789, 1e-9, 1234567.0]
+    factor = tables.FactorTable(keys=("platform.wave_period_s",), levels=given)
+    texts = ("developed", "8.5", "3", "0.123456789", "1e-09", "1234567.0")
+    assert factor.values == texts
+    assert factor.numbers == dict(zip(texts[1:], given[1:], strict=True))
+    assert tables.FactorTable(levels=given[1:]).values == tuple(given[1:])
