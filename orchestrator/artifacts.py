@@ -185,7 +185,7 @@ def _name(path: Path, part: Path, manifest: Mapping[str, Any], other: Other) -> 
             if not os.path.lexists(target):
                 part.rename(target)
             else:
-                manifests.tell(target, "it is written anew")
+                manifests.tell(target, "the folder is written anew")
                 shutil.copymode(target, part)
                 with files.unfinished(target.parent, instead=target.name) as old:
                     target.rename(old)

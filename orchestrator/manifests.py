@@ -69,7 +69,8 @@ def of_folder(folder: Path) -> dict[str, Any] | None:
     except OSError:
         return None
     except (ValueError, RecursionError) as error:
-        raise _damage(path, one_line(error)) from None
+        got = one_line(error) if path.stat().st_size else "an empty file"
+        raise _damage(path, got) from None
     if not isinstance(content, dict):
         return None
     if SEAL in content or HASHES in content:  # a flipped bit cannot remove both

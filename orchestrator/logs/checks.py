@@ -55,6 +55,9 @@ _ONE = {"depth": "a depth", "truth": "a true position", "fixes": "a position"}
 """What a row of a table is."""
 DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?", re.ASCII)
 _WITH_COMMA = "a number with a decimal comma, which decimal = \",\" in [mapping.{}] reads"
+_NO_KIND = f"a kind of range that is none of {listed(KINDS)}"
+EARLY_NS = 500_000_000
+"""So long after its arrival no clock's offset explains the epoch of a range."""
 _PACKET = re.compile(r"packet_(.+)_([ned])_m")
 
 
@@ -86,7 +89,10 @@ def log_of(raw: Raw) -> Log:
         )
     if meta.dimension == 2 and len(raw.tables.get("depth", ())):
         remarks.append("depths are not used: the log has dimension = 2")
+    remarks += _of_times(raw, heard)
     truth, fixes = _truth(raw), _fixes(raw)
+    if truth is not None and meta.dimension == 3 and meta.frame.truth == "same":
+        remarks += _above(raw.files.get("truth", "truth"), "true positions", truth.position[:, 2])
     turnaround = _usual_turn_around(raw.tables.get("receptions"))
     remarks += _own_axes(meta, fixes)
     return Log(
@@ -100,17 +106,40 @@ def log_of(raw: Raw) -> Log:
 def _of_depths(raw: Raw, time_ns: Integers, depth: Floats, heard: Receptions) -> Iterator[str]:
     """Remarks on depths above the water, and on those of another time than the ranges."""
     file, times = raw.files.get("depth", "depth"), heard.arrival_ns[heard.arrival_ns != MISSING]
-    dry = int((depth < -ABOVE).sum())
-    if dry:
-        yield (
-            f"{file}: depths should be under water (down is positive), got {depth.min():.4g} m; "
-            f"{dry:,} of {len(depth):,} are more than {ABOVE:g} m above it"
-        )
+    yield from _above(file, "depths", depth)
     if len(depth) and len(times) and (time_ns[0] > times.max() or time_ns[-1] < times.min()):
         apart = max(int(time_ns[0] - times.max()), int(times.min() - time_ns[-1])) / SECOND
         yield (
             f"{file}: depths should be of the time of the ranges, got none: they are "
             f"{apart:,.1f} s {'after' if time_ns[0] > times.max() else 'before'} them"
+        )
+
+
+def _above(file: str, what: str, depth: Floats) -> Iterator[str]:
+    """A remark on depths [m] above the water."""
+    dry = int((depth < -ABOVE).sum())
+    if dry:
+        yield (
+            f"{file}: {what} should be under water (down is positive), got "
+            f"{np.nanmin(depth):.4g} m; {dry:,} of {len(depth):,} are more than {ABOVE:g} m above "
+            "it"
+        )
+
+
+def _of_times(raw: Raw, heard: Receptions) -> Iterator[str]:
+    """Remarks on a time that is not used, and on ranges that belong to a time after they came."""
+    file, table = raw.files.get("receptions", "receptions"), raw.tables.get("receptions")
+    if table is not None and {"time_ns", "arrival_ns"} <= {*table.columns}:
+        other = whole(table["time_ns"]) != whole(table["arrival_ns"])
+        if other.any():
+            yield f"{file}: time_ns is not used beside arrival_ns, from which it differs"
+    both = (heard.epoch_ns != MISSING) & (heard.arrival_ns != MISSING)
+    early = (heard.epoch_ns - heard.arrival_ns)[both]
+    many = int((early > EARLY_NS).sum())
+    if many:
+        yield (
+            f"{file}: an epoch should be before the arrival, got one {early.max() / SECOND:.4g} s "
+            f"after it; {many:,} of {len(early):,} are more than {EARLY_NS / SECOND:g} s late"
         )
 
 
@@ -153,7 +182,7 @@ def _receptions(raw: Raw, meta: Meta) -> tuple[Receptions, tuple[str, ...]]:
     table = _marked(raw, "receptions", table)
     if "kind" in table:
         known = table["kind"].map(_word).isin(("", *KINDS)).to_numpy(bool)
-        table = _without(raw, "receptions", table, ~known, "no kind of range")
+        table = _without(raw, "receptions", table, ~known, _NO_KIND)
     wrong, comma = _unreadable(table)
     table = _without(raw, "receptions", table, comma, _WITH_COMMA.format("receptions"))
     table = _without(raw, "receptions", table, wrong[~comma], "a number that cannot be read")

@@ -65,8 +65,8 @@ def shortening(system: System, plan: Plan, most_ns: int) -> list[str]:
     lost = wanted - simulated
     if lost <= most_ns:
         return []
-    digits = max(1, math.ceil(-math.log10(lost / SECOND)))
+    digits = max(6, math.ceil(math.log10(wanted / lost)) + 1)
     return [
-        f"simulated {text_of(simulated).removesuffix(' s')} of {round(wanted / SECOND, digits)} s: "
+        f"simulated {text_of(simulated).removesuffix(' s')} of {wanted / SECOND:.{digits}g} s: "
         "a run ends with the last common multiple of all communication intervals"
     ]

@@ -14,10 +14,11 @@ RECEIVERS = Columns(
     "known.",
     (RECEIVER,),
     (
-        TableColumn("estimates", "Number of estimates", heading="n", type=int),
+        TableColumn("estimates", "Number of estimates", type=int),
         TableColumn("first_fix_s", "Epoch of the first estimate, from the start of the log", "s"),
         TableColumn("longest_gap_s", "Longest time between two estimates", "s"),
-        TableColumn("judged", "Number of estimates with a known truth", type=int, sometimes=True),
+        TableColumn("judged", "Number of estimates with a known truth", heading="n", type=int,
+                    sometimes=True),
         TableColumn("horizontal_rms_m", "RMS of the horizontal error", "m", "RMS", sometimes=True),
         TableColumn("horizontal_p95_m", "Radius that holds 95 % of the horizontal errors", "m",
                     "95 %", sometimes=True),

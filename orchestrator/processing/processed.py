@@ -23,6 +23,7 @@ from ..paths import folder as path_files
 from ..paths.diver_path import DiverPath, of_estimates, of_truth
 from ..scenario.labels import FIXES
 from ..web import page
+from ..words.lists import listed
 from . import quality, text
 from .columns import TABLES
 from .pages import played
@@ -215,7 +216,7 @@ class Processed(Answer):
     @property
     def remarks(self) -> list[str]:
         """What was found in the log, where settings are from, and how the truth was aligned."""
-        own = (*self.log.remarks, *self.said, *self._apart())
+        own = (*self.log.remarks, *self.said, *self._apart(), *self._unjudged())
         return [*self.log.counted(), *own, *unknown_bearings(self.made)]
 
     def _apart(self) -> list[str]:
@@ -227,6 +228,16 @@ class Processed(Answer):
         place = self.log.meta.place
         return ["there are no files for maps: no position is along north and east"] if (
             own and place is not None) else []
+
+    def _unjudged(self) -> list[str]:
+        """A remark on a truth that is known for less than nine in ten of the estimates."""
+        if "judged" not in self.receivers:
+            return []
+        counts = self.receivers[["judged", "estimates"]].dropna()
+        few = [
+            f"{n:,} of {m:,} of {label}" for label, n, m in counts.itertuples() if n < 0.9 * m
+        ]
+        return [f"errors are of the estimates whose truth is known: {listed(few)}"] if few else []
 
     @property
     def problems(self) -> list[str]:

@@ -275,7 +275,7 @@ def _check(log: Log) -> None:
     if heard < BEACONS.least:
         raise ConfigurationError(
             f"{shortened(log.called)}: must have ranges of at least {BEACONS.least} beacons, got "
-            f"{heard}"
+            f"{heard}{''.join(f'; {it}' for it in log.counted())}"
         )
 
 

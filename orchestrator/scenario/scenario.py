@@ -232,8 +232,8 @@ class Scenario(Table):
             Folder of the future file. Paths of FMUs become relative to it, so that the text
             contains no absolute paths; None: paths are unchanged.
         everything
-            Whether to write keys that were not given, too. They follow from the others, some of
-            them differently for another receiver.
+            Whether to write keys that were not given, too; those of ``[receiver]`` as comments,
+            because they may differ for another receiver.
         """
         lines = [f"{key} = {toml(getattr(self, key))}" for key in ("name", "title", "seed", "fmi")]
         idle = self.idle()
@@ -260,7 +260,8 @@ class Scenario(Table):
                     continue  # when loaded, it would be refused beside the profile
                 if key in FILES and folder is not None:
                     value = relative(Path(value), folder)
-                lines.append(f"{key} = {toml(rows(variable, value))}")
+                mark = "# " if filled and name == "receiver" else ""
+                lines.append(f"{mark}{key} = {toml(rows(variable, value))}")
         return "\n".join(lines) + "\n"
 
     def idle(self) -> dict[effects.Key, str]:

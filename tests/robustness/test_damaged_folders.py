@@ -162,7 +162,8 @@ def all_are_noticed(
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_flipped_bit_is_noticed_where_a_result_is_replaced(own: Path, kind: str) -> None:
     folder = own / kind
-    assert all_are_noticed(lambda path: manifests.tell(path, "it is written anew"), folder) > 40
+    then = "the folder is written anew"
+    assert all_are_noticed(lambda path: manifests.tell(path, then), folder) > 40
     for _ in flipped(folder / "manifest.json", FLIPS):
         with pytest.raises(ConfigurationError, match=r"manifest\.json: must be as it was written"):
             artifacts.check(folder)
@@ -227,7 +228,7 @@ def test_the_same_command_replaces_what_is_damaged_and_says_so(own: Path, kind: 
     good = path.read_bytes()
     next(flipped(path, 1))
     said = command(*MADE[kind], "--out", kind)
-    assert f"{path}: must be as it was written, got other bytes; it is written anew" in said
+    assert f"{path}: must be as it was written, got other bytes; the folder is written anew" in said
     if path.suffix not in {".html", ".svg", ".png"}:  # which say how they were made
         assert path.read_bytes() == good
     next(flipped(folder / "manifest.json", 1))

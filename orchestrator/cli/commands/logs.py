@@ -14,6 +14,7 @@ from ..common.app import (
     MappingOption,
     NoFiguresOption,
     VerboseOption,
+    apart,
     app,
     destination,
     folder_option,
@@ -70,6 +71,7 @@ def log_(
         from ... import artifacts
         from ...logs.contents import log as contents_of
 
+        apart(out, log, mapping)
         if out is not None:
             artifacts.check(out, {"log": {}}, destination(out, out, force)[1], part=True)
         result = contents_of(log, mapping)
@@ -99,6 +101,7 @@ def identify(
         from ... import artifacts
         from ...identification.run import identify as identified
 
+        apart(out, log, scenario, mapping)
         if out is not None:
             artifacts.check(out, {"identified": {}}, destination(out, out, force)[1], part=True)
         found = identified(log, scenario=scenario, mapping=mapping)

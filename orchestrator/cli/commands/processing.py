@@ -21,6 +21,7 @@ from ..common.app import (
     StepTimeoutOption,
     TrajectoriesOption,
     VerboseOption,
+    apart,
     app,
     destination,
     folder_option,
@@ -78,6 +79,7 @@ def process(
         from ...processing.workflow import process as process_log
 
         check(trajectories or ())
+        apart(out, log, scenario, mapping)
         if out is not None:
             artifacts.check(out, other=destination(out, out, force)[1])
         processed = process_log(

@@ -25,6 +25,7 @@ from ..common.app import (
     SvgOption,
     TrajectoriesOption,
     VerboseOption,
+    apart,
     app,
     beside,
     destination,
@@ -232,6 +233,7 @@ def smooth(
         from ...paths.folder import check
 
         check(trajectories or ())
+        apart(out, folder)
         wanted, other = destination(out, beside(folder, "smoothed"), force)
         artifacts.check(wanted, other=other)
         smoothed = smooth_run(

@@ -216,6 +216,24 @@ def destination(out: Path | None, default: Path, force: bool) -> tuple[Path, Oth
     return out or default, "replace" if force else "number" if out is None else "refuse"
 
 
+def apart(out: Path | None, *read: str | Path | None) -> None:
+    """Refuse a folder for results that would take the place of what the command reads.
+
+    Raises
+    ------
+    ConfigurationError
+        One of the files or folders is the folder, or is in it.
+    """
+    if out is None:
+        return
+    for path in (Path(path) for path in read if path is not None):
+        if path.exists() and resolved(path).is_relative_to(resolved(out)):
+            got = "which is read" if resolved(path) == resolved(out) else f"which holds {path}"
+            raise ConfigurationError(
+                f"--out: must be another folder than what is read, got {out}, {got}"
+            )
+
+
 def unless_other(wanted: Path, other: Other) -> Callable[[Mapping[str, Any]], None]:
     """Refuses the result of another run in a folder, as soon as the question is known."""
     from ... import artifacts

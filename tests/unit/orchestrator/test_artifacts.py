@@ -333,7 +333,7 @@ def test_a_pipe_in_the_place_of_a_file_is_not_waited_for(tmp_path):
         os.mkfifo(tmp_path / "run" / name)
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
-            manifests.tell(tmp_path / "run", "it is written anew")
+            manifests.tell(tmp_path / "run", "the folder is written anew")
         assert [str(w.message).partition(": ")[0] for w in caught] == told
     with pytest.raises(ConfigurationError, match="must be empty or hold nothing but an earlier"):
         write(tmp_path / "run")

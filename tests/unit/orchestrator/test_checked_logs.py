@@ -30,6 +30,9 @@ def found(log: Log) -> list[tuple[int, str]]:
 
 FAR = "no range from 0 m to 1,000 km"
 OUT_OF_ORDER, ELSEWHERE = "out of order", "a time far from that of its neighbours"
+NO_KIND = (
+    "a kind of range that is none of one-way, two-way, range, pseudorange, inverted and difference"
+)
 
 
 def test_ranges_of_each_kind_have_their_limits_and_times() -> None:
@@ -46,7 +49,7 @@ def test_ranges_of_each_kind_have_their_limits_and_times() -> None:
                                                                *[None] * 6],
         },
     )  # fmt: skip
-    assert found(log) == [(16, "no kind of range"), *((line, FAR) for line in (12, 13, 14, 15))]
+    assert found(log) == [(16, NO_KIND), *((line, FAR) for line in (12, 13, 14, 15))]
     heard = log.receptions
     assert heard.range.tolist() == ranges[:10]
     assert [KINDS[k] for k in heard.kind] == [it or "one-way" for it in kinds[:10]]
@@ -259,6 +262,49 @@ def test_depths_have_their_limits() -> None:
         "depth.csv: depths should be under water (down is positive), got -2.01 m; 1 of 4 are more "
         "than 2 m above it",
     )
+
+
+@pytest.mark.parametrize(("meta", "many"), [
+    ({}, 1), ({"dimension": 2}, 0), ({"frame": {"truth": "estimate"}}, 0),
+])  # fmt: skip
+def test_a_truth_is_under_water_unless_it_is_turned(meta: dict[str, Any], many: int) -> None:
+    log = checked(meta, truth={
+        "time_ns": [S, 2 * S, 3 * S, 4 * S], "n_m": [0.0] * 4, "e_m": [1.0] * 4,
+        "d_m": [5.0, -2.0, -2.5, -7.0],
+    })  # fmt: skip
+    said = (
+        "truth.csv: true positions should be under water (down is positive), got -7 m; 2 of 4 are "
+        "more than 2 m above it"
+    )
+    assert [it for it in log.remarks if "under water" in it] == [said] * many
+
+
+@pytest.mark.parametrize(("late_ns", "told"), [
+    ([0, -S, 500_000_000], None), ([0, 500_000_001, -S], "0.5 s after it; 1 of 3"),
+    ([2 * S, 3 * S, 2 * S], "3 s after it; 3 of 3"),
+])  # fmt: skip
+def test_ranges_belong_to_a_time_before_they_are_heard(
+    late_ns: list[int], told: str | None
+) -> None:
+    arrival = [10 * S, 20 * S, 30 * S]
+    log = checked(receptions={
+        "arrival_ns": arrival, "beacon": ["A", "B", "C"], "range_m": [5.0, 6.0, 7.0],
+        "epoch_ns": [a + late for a, late in zip(arrival, late_ns, strict=True)],
+    })  # fmt: skip
+    said = f"receptions.csv: an epoch should be before the arrival, got one {told} are more than"
+    assert [*log.remarks] == ([] if told is None else [f"{said} 0.5 s late"])
+
+
+@pytest.mark.parametrize("apart", [0, 1, 5 * S])
+def test_a_second_time_of_a_reception_is_not_used_and_told(apart: int) -> None:
+    arrival = [10 * S, 20 * S, 30 * S]
+    log = checked(receptions={
+        "time_ns": [*arrival[:2], arrival[2] - apart], "arrival_ns": arrival,
+        "beacon": ["A", "B", "C"], "range_m": [5.0, 6.0, 7.0],
+    })  # fmt: skip
+    assert log.receptions.arrival_ns.tolist() == arrival
+    said = "receptions.csv: time_ns is not used beside arrival_ns, from which it differs"
+    assert [*log.remarks] == [said] * (apart > 0)
 
 
 @pytest.mark.parametrize(("first", "told_s"), [(7.0, None), (7.5, "0.5 s after"), (0.0, None),

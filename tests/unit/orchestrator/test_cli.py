@@ -176,21 +176,72 @@ def test_the_scenario_that_is_written_has_the_receiver_of_the_run(
             assert str(tmp_path) not in Path(folder, file).read_text()
 
 
+def everything(folder: Path) -> dict[Path, bytes]:
+    return {file: file.read_bytes() for file in folder.rglob("*") if file.is_file()}
+
+
+def test_no_result_takes_the_place_of_what_it_is_made_from(
+    cli: Callable[..., Result], tmp_path: Path
+) -> None:
+    """Not with --force, and not under another spelling of the folder."""
+    run = ("run", "realistic-dive", "--set", "time.duration_s=60", "--receiver", "coupled")
+    assert cli(*run, "--no-figures", "--log", "--out", "a/run").exit_code == 0
+    Path("link").symlink_to("a/run", target_is_directory=True)
+    Path("map.toml").write_text("")
+    shutil.copytree("a/run/log", "log")
+    shutil.copy("a/run/scenario.toml", "log/mine.toml")
+    shutil.copy("map.toml", "log/map.toml")
+    before = everything(tmp_path)
+    other = ["log", "identify", "process"]
+    wrong = [
+        *((it, "a/run/log", out) for it in other for out in ("a/run/log", "a/run", "a", "link")),
+        *((it, "log", out) for it in other for out in ("log", "a/../log", tmp_path / "log", ".")),
+        *(("smooth", "a/run", out) for out in ("a/run", "a", "link", ".")),
+        ("smooth", "link", "a/run"), ("identify", "a/run", "a/run"),
+        ("process", "a/run/log", "log", "--scenario", "log/mine.toml"),
+        ("identify", "a/run/log", "log", "--scenario", "log/mine.toml"),
+        ("process", "a/run/log", "log", "--mapping", "log/map.toml"),
+        ("identify", "a/run/log", "log", "--mapping", "log/map.toml"),
+        ("log", "a/run/log", "log", "--mapping", "log/map.toml"),
+    ]  # fmt: skip
+    for command, read, out, *options in wrong:
+        for force in (["--force"], []):
+            done = cli(command, read, "--out", out, *options, *force, "--no-figures")
+            kept = options[1] if options else read
+            same = Path(kept).resolve() == Path(out).resolve()
+            got = "which is read" if same else f"which holds {kept}"
+            said = f"error: --out: must be another folder than what is read, got {out}, {got}\n"
+            assert (done.exit_code, done.stderr) == (2, said), (command, out)
+    assert everything(tmp_path) == before
+    for command, read in (("identify", "a/run"), ("smooth", "a/run"), ("process", "log")):
+        done = cli(command, read, "--out", f"{command}-new", "--force", "--no-figures")
+        assert done.exit_code == 0, done.stderr
+    assert {file: it for file, it in everything(tmp_path).items() if file in before} == before
+
+
 def test_a_run_that_ends_before_its_time_says_so(cli: Callable[..., Result]) -> None:
     run = ("run", "paper-scenario-1", "--no-figures", "--set", "time.ekf_ratio=600")
-    line = "simulated 60 of 94.2 s: a run ends with the last common multiple of all"
+    line = "simulated 60 of 94.2478 s: a run ends with the last common multiple of all"
     assert line in cli(*run).stdout
     assert json.loads(cli(*run, "--json").stdout)["remarks"][0].startswith(line)
     assert json.loads(cli("run", "paper-scenario-1", *SHORT, "--json").stdout)["remarks"] == []
 
 
 @pytest.mark.parametrize("start_ns", [0, 10 * 10**9])
-def test_a_run_is_shorter_by_its_duration_and_not_by_its_end(start_ns: int) -> None:
-    asked: Any = SimpleNamespace(start_ns=start_ns, stop_ns=start_ns + 94_200_000_000)
-    done: Any = SimpleNamespace(start_ns=start_ns, stop_ns=start_ns + 60_000_000_000)
+@pytest.mark.parametrize(("wanted_ns", "simulated_ns", "words"), [
+    (94_200_000_000, 60_000_000_000, "60 of 94.2 s"),
+    (40_050_000_000, 39_600_000_000, "39.6 of 40.05 s"),
+    (60_000_000_001, 60_000_000_000, "60 of 60.000000001 s"),
+    (86_400_500_000_000, 86_400_000_000_000, "86400 of 86400.5 s"),
+])  # fmt: skip
+def test_a_run_is_shorter_by_its_duration_and_not_by_its_end(
+    start_ns: int, wanted_ns: int, simulated_ns: int, words: str
+) -> None:
+    asked: Any = SimpleNamespace(start_ns=start_ns, stop_ns=start_ns + wanted_ns)
+    done: Any = SimpleNamespace(start_ns=start_ns, stop_ns=start_ns + simulated_ns)
     (said,) = shortening(asked, done, 0)
-    assert said.startswith("simulated 60 of 94.2 s: a run ends with ")
-    assert shortening(asked, done, 34_200_000_000) == []
+    assert said.startswith(f"simulated {words}: a run ends with ")
+    assert shortening(asked, done, wanted_ns - simulated_ns) == []
 
 
 def test_plan_takes_a_seed(cli: Callable[..., Result]) -> None:

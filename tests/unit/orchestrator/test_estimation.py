@@ -370,6 +370,7 @@ def test_the_command_says_what_is_wrong_with_a_folder(
     assert f"empty: {what}, got no manifest.json in it" in lines("empty", "--out", "out")
     for name, text, why in (
         ("manifest.json", "{", "manifest.json: must be as it was written, got Expecting"),
+        ("manifest.json", "", "manifest.json: must be as it was written, got an empty file; del"),
         ("manifest.json", "[]", "must be the manifest of a run"),
         ("record.parquet", "PAR1", "record.parquet: must be as it was written, got other bytes"),
         ("scenario.toml", "[target]\nspeed_m_s = -1", "[target] speed_m_s"),

@@ -174,6 +174,47 @@ def test_ranges_of_a_dive_that_are_only_late_are_all_kept(
     assert np.linalg.norm(ready.window.position - true) < 10.0
 
 
+@pytest.mark.parametrize(("share", "told"), [(1.0, False), (0.95, False), (0.8, True), (0.1, True)])
+def test_errors_are_of_the_estimates_whose_truth_is_known(share: float, told: bool) -> None:
+    whole = made(seconds=100)
+    assert whole.truth is not None
+    known = int(share * len(whole.truth.time_ns))
+    truth = replace(
+        whole.truth, time_ns=whole.truth.time_ns[:known], position=whole.truth.position[:known]
+    )
+    found = process(replace(whole, truth=truth), "long_baseline")
+    row = found.receivers.loc["long_baseline"]
+    epoch = found.made["long_baseline"].epoch_ns
+    judged = int(((epoch >= truth.time_ns[0]) & (epoch <= truth.time_ns[-1])).sum())
+    assert row["judged"] == judged
+    said = "errors are of the estimates whose truth is known: "
+    remarks = [it.removeprefix(said) for it in found.remarks if it.startswith(said)]
+    assert bool(remarks) == told
+    assert all(f"{judged} of {len(epoch)} of long_baseline" in it for it in remarks)
+    lines = found.text().splitlines()
+    first = lines[lines.index("Horizontal error [m]") + 2]
+    assert first.split()[:2] == ["long_baseline", str(judged)]
+
+
+@pytest.mark.parametrize("odd", ["One-Way", "sideways"])
+def test_too_few_beacons_for_a_reason_are_told_with_it(odd: str, tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    log.mkdir()
+    (log / "meta.toml").write_text(
+        "[beacons]\nA = [0, 0, 9]\nB = [50, 0, 9]\nC = [0, 50, 9]\nD = [50, 50, 9]\n"
+    )
+    rows = [f"{k}000000000,{'ABCD'[k % 4]},30,{odd if k % 2 else 'one-way'}" for k in range(40)]
+    (log / "receptions.csv").write_text("\n".join(["arrival_ns,beacon,range_m,kind", *rows]))
+    (log / "depth.csv").write_text("time_ns,depth_m\n0,3\n39000000000,3\n")
+    with pytest.raises(ConfigurationError) as caught:
+        process(log, "long_baseline")
+    assert str(caught.value).endswith(
+        "must have ranges of at least 3 beacons, got 2; receptions.csv: 20 lines left out: a kind "
+        "of range that is none of one-way, two-way, range, pseudorange, inverted and difference "
+        "(lines 3, 5, 7, 9, 11, …)"
+    )
+
+
 def test_a_log_in_a_plane_is_told_horizontally() -> None:
     processed = process(made(plane=True))
     row = processed.receivers.loc["long_baseline"]

@@ -20,10 +20,11 @@ from sblcosim.models.settings.assumptions import SOURCES
 from sblcosim.models.settings.keys import in_si
 from sblcosim.models.settings.presets import PRESETS
 from sblcosim.models.target.trajectories import FOUND as PATHS
-from sblcosim.scenario.scenario import load, shipped, shipped_text
+from sblcosim.scenario.scenario import Scenario, load, shipped, shipped_text
 from sblcosim.scenario.schema import CORE_COMPONENTS
 from sblcosim.scenario.starter import starter
 from sblcosim.scenario.wiring import connect
+from sblcosim.simulation.resolve import resolve
 from sblcosim.words.lists import listed
 
 FIXED = ("target", "platform", "acoustics")
@@ -145,6 +146,24 @@ def test_the_bits_of_a_packet_set_its_resolution(
     assert again.dump_toml() == scenario.dump_toml()
     longer = scenario.override({"acoustics.packet_bits": bits + 300}).acoustics
     assert longer.packet_resolution_m == 0.00125
+
+
+@pytest.mark.parametrize("name", shipped())
+@pytest.mark.parametrize("main", [*RECEIVERS])
+def test_a_file_tells_every_receiver_what_the_scenario_told_it(name: str, main: str) -> None:
+    """Whichever was the first."""
+    def told(scenario: Scenario, receiver: str) -> dict[str, bytes] | str:
+        try:
+            plan = resolve(connect(scenario, receiver))
+        except ConfigurationError as error:  # for other beacons, for example
+            return str(error)
+        one = next(c for c in plan.components if c.name == receiver)
+        return {s.port.name: np.asarray(s.values).tobytes() for s in one.settings}
+
+    with warnings.catch_warnings(action="ignore"):
+        scenario = load(name, {"receiver.type": main})
+        again = load(tomllib.loads(scenario.dump_toml()))
+        assert all(told(again, receiver) == told(scenario, receiver) for receiver in RECEIVERS)
 
 
 def test_a_given_resolution_leaves_the_rest_of_the_bits_to_the_other() -> None:

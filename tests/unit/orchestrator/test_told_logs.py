@@ -45,7 +45,8 @@ def told(
     )
 
 
-ROW = {"estimates": 1234, "first_fix_s": 3.25, "longest_gap_s": 2.0, "horizontal_rms_m": 2.0,
+ROW = {"estimates": 1234, "judged": 1200, "first_fix_s": 3.25, "longest_gap_s": 2.0,
+       "horizontal_rms_m": 2.0,
        "horizontal_p95_m": 3.6, "horizontal_max_m": 5.0, "total_rms_m": 2.5, "total_p95_m": 4.4,
        "claimed_rms_m": 2.2, "claimed_over_made": 1.1}  # fmt: skip
 
@@ -214,7 +215,7 @@ def test_what_follows_the_tables() -> None:
     lines = of_log(known).splitlines()
     assert lines[2] == "Horizontal error [m]"
     assert lines[3].split() == ["n", "RMS", "95", "%", "most", "claimed"]
-    assert lines[4].split() == ["mine", "1,234", "2.00", "3.60", "5.00", "2.20"]
+    assert lines[4].split() == ["mine", "1,200", "2.00", "3.60", "5.00", "2.20"]
     assert lines[5:] == ["", "log: dive/x (made)"]
     assert "Distance [m]" in of_log(known, verbose=True)
 
