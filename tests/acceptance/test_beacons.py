@@ -92,7 +92,7 @@ def test_a_cross_has_as_many_arms_as_beacons() -> None:
 @pytest.mark.parametrize(
     "name",
     few(["platform", "acoustics", "sequential", "coupled", "long_baseline", "ekf",
-         "multilateration", "fixed_lag"], quick=["acoustics", "sequential"]),
+         "multilateration", "fixed_lag"], quick=["sequential"]),
 )
 def test_fmus_for_six_keep_all_promises(name: str) -> None:
     """The kit has the time contract, and saving and restoring, among its checks."""

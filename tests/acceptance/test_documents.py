@@ -128,8 +128,9 @@ class Page:
 
 
 LONG = {
-    "boat", "budget", "compare", "device-log", "dives", "explore", "json", "log", "look-back",
-    "map", "other-tools", "own-system", "ranging", "receiver", "require", "scenario", "study",
+    "boat", "budget", "compare", "conformance", "device-log", "dives", "explore", "json", "log",
+    "look-back", "map", "other-tools", "own-system", "ranging", "receiver", "require", "scenario",
+    "study",
 }
 """Pages whose code takes long; `pytest -m slow` runs it."""
 WITH_CODE = [

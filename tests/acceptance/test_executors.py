@@ -63,7 +63,7 @@ def cluster() -> Iterator[LocalCluster]:
         yield made
 
 
-@pytest.mark.parametrize("workers", few([1, 2, 4], quick=[1, 4]))
+@pytest.mark.parametrize("workers", few([1, 2, 4], quick=[4]))
 @pytest.mark.parametrize("executor", ["threads", "processes"])
 def test_threads_and_processes_give_the_same_table(
     tmp_path: Path, reference: bytes, executor: str, workers: int
@@ -72,7 +72,8 @@ def test_threads_and_processes_give_the_same_table(
     assert (tmp_path / "out" / "runs.parquet").read_bytes() == reference
 
 
-@pytest.mark.parametrize("master", few(["native", "python"], quick=["native"]))
+@pytest.mark.slow
+@pytest.mark.parametrize("master", ["native", "python"])
 def test_the_other_masters_give_the_same_table_in_processes(
     tmp_path: Path, reference: bytes, master: str
 ) -> None:

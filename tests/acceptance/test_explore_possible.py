@@ -26,7 +26,7 @@ from explored import (
     loaded,
     settings,
 )
-from quick import few
+from quick import few, one_in
 from sblcosim.areas.motion import RADIUS, circle_of, circling
 from sblcosim.areas.possible import PossibleInCells
 from sblcosim.areas.possible import possible as of_cells
@@ -360,6 +360,7 @@ def test_water_is_coloured_by_what_a_map_finds_possible(
     assert len({values["plain"], *others.values()}) == len(others) + 1
 
 
+@one_in(3)
 @pytest.mark.parametrize("name", ["gps-buoys", "harbour-lbl", "paper-scenario-1"])
 def test_water_of_other_scenarios(name: str, tmp_path: Path) -> None:
     """And with echoes, which a page can only have if its scenario has them."""

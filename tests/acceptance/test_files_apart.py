@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 import sblcosim
-from quick import one_in
+from quick import few, one_in
 from sblcosim.cli import app
 from sblcosim.errors import ConfigurationError, SblcosimError
 from sblcosim.scenario.sources import known_source
@@ -710,7 +710,7 @@ def test_a_file_that_never_ends_is_given_up_by_every_command(
 # ---- studies ----
 
 
-@pytest.mark.parametrize("executor", ["threads", "processes"])
+@pytest.mark.parametrize("executor", few(["threads", "processes"], quick=["threads"]))
 def test_a_study_keeps_the_healthy_receivers_columns(executor: str, tmp_path: Path) -> None:
     file = written(tmp_path, "do_step", "import os; os._exit(0)")
     tables = {"scenario": SCENARIO, "fixed": SHORT, "design": {"kind": "single"}, "replicates": 2}

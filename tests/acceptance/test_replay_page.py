@@ -186,7 +186,7 @@ def test_what_is_claimed_holds_95_percent_of_normal_errors(
 
 
 @pytest.mark.parametrize("view", ["plan", "space"])
-@pytest.mark.parametrize("name", ["platform", "six", "buoys"])
+@pytest.mark.parametrize("name", few(["platform", "six", "buoys"], quick=["platform", "buoys"]))
 def test_the_map_shows_all_where_it_is(
     name: str, view: str, tmp_path: Path, browsing: Callable[..., Tab]
 ) -> None:

@@ -93,7 +93,8 @@ def test_a_dask_cluster_gives_the_same_answer(
 
 
 @pytest.mark.skipif(os.name == "nt", reason="there is no SIGKILL")
-@pytest.mark.parametrize("kills", [1, pytest.param(4, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("kills", [1, 4])
 def test_after_kills_the_same_command_goes_on(
     tmp_path: Path, question: Path, reference: dict[str, bytes], kills: int
 ) -> None:

@@ -181,6 +181,7 @@ def test_a_truncated_library_is_named(
         ("dates", "step"), ("dates", "get"),
     ],
 )  # fmt: skip
+@one_in(2)
 def test_habits_of_an_fmu_change_no_other(
     what: str, phase: str, master: str, rogue: Rogue, alone: sblcosim.Result
 ) -> None:

@@ -42,7 +42,7 @@ def sources_of(name: str, fmi: int, folder: Path) -> None:
                 (folder / Path(file).name).write_bytes(archive.read(file))
 
 
-@one_in(3)
+@one_in(4)
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc and its sanitizers")
 @pytest.mark.parametrize(("name", "fmi"), [
     pytest.param(name, fmi, marks=[pytest.mark.slow] if (name, fmi) in SLOW else [])

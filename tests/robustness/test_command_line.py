@@ -107,6 +107,7 @@ def test_anything_typed_gives_a_result_or_a_line(
     "run scenario.toml --trajectories X", "run scenario.toml --log --out X",
     "budget scenario.toml --frame X", "budget scenario.toml --receiver X",
 ])  # fmt: skip
+@one_in(2)
 def test_long_values_are_shortened(inputs: Inputs, tmp_path: Path, line: str) -> None:
     words = [word.replace("X", LONG).replace("DEEP", DEEP) for word in line.split()]
     for text in _judged(inputs, tmp_path, words, code=2):
@@ -122,6 +123,7 @@ def test_long_values_are_shortened(inputs: Inputs, tmp_path: Path, line: str) ->
     ("[fixed]", "[design]\nkind = 'X'\n[fixed]"),
     ("[fixed]", "[design]\nkind = 'fraction'\ngenerators = ['X']\n[fixed]"),
 ])  # fmt: skip
+@one_in(2)
 def test_long_values_of_a_study_are_shortened(
     inputs: Inputs, tmp_path: Path, before: str, after: str
 ) -> None:

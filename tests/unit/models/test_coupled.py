@@ -129,7 +129,7 @@ def test_restarts_are_the_same(pose_source: int) -> None:
 @pytest.mark.parametrize("pose_source", [1, 2, 3])
 @pytest.mark.parametrize("start", [{}, PRIOR], ids=["first receptions", "prior"])
 @pytest.mark.parametrize("late", [{}, OUTLIERS], ids=["punctual", "late"])
-@one_in(2)
+@one_in(4)
 def test_learned_motion_is_an_interacting_multiple_model(
     pose_source: int, start: Mapping[str, Any], late: Mapping[str, Any]
 ) -> None:

@@ -65,7 +65,7 @@ def offered(line: str) -> list[str]:
         ("sblcosim nosuch x", []),
     ],
 )  # fmt: skip
-@one_in(2)
+@one_in(3)
 def test_words_are_offered(line: str, words: list[str]) -> None:
     assert offered(line) == words
 

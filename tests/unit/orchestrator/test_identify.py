@@ -523,6 +523,7 @@ def placed(known: float, seed: int, offset: float = 0.0, **keys: Any) -> Log:
         heard, beacon_position=heard.beacon_position + said[heard.beacon]))
 
 
+@one_in(2)
 @pytest.mark.parametrize(("std", "offset"), [
     (0.03, 0.0), (0.3, 0.0), (1.0, 0.0), (0.03, 0.5),
 ])  # fmt: skip

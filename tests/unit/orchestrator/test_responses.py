@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import sblcosim
-from quick import few
+from quick import few, one_in
 from sblcosim.data.record import Record
 from sblcosim.data.truth import TRUTH
 from sblcosim.errors import ConfigurationError
@@ -259,6 +259,7 @@ def test_a_function_of_a_file_is_known_by_the_file(tmp_path: Path) -> None:
     ],
 )
 @pytest.mark.parametrize("executor", few(["threads", "processes"], quick=["threads"]))
+@one_in(2)
 def test_a_function_that_fails_ends_the_study(
     tmp_path: Path, name: str, message: str, executor: str
 ) -> None:
