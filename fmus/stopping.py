@@ -190,6 +190,38 @@ def deferred() -> Iterator[None]:
         _deferred -= 1
 
 
+@contextmanager
+def prompting() -> Iterator[None]:
+    """A block that waits for what is typed ends at a signal that came just before the wait, too.
+
+    Python runs a handler when C code returns, and a wait returns for a signal within it only. So
+    another thread hears of the signal, and sends it again. No other thread may be told of signals.
+    """
+    main = threading.main_thread()
+    if _stop is None or threading.current_thread() is not main or os.name == "nt":
+        yield
+        return
+    hears, tells = os.pipe()
+    os.set_blocking(tells, False)
+    before = signal.set_wakeup_fd(tells, warn_on_full_buffer=False)
+    thread = threading.Thread(target=_send_again, args=(hears, main.ident), daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        signal.set_wakeup_fd(before)
+        os.close(tells)
+        thread.join()
+        os.close(hears)
+
+
+def _send_again(hears: int, main: int) -> None:
+    while number := os.read(hears, 1):
+        time.sleep(PERIOD / 2)  # a second one that soon is no second Ctrl-C
+        if not wanted():
+            signal.pthread_kill(main, number[0])
+
+
 def _handle(number: int, frame: object) -> None:
     stop = _stop
     if stop is None or stop.over:

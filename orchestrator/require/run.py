@@ -104,7 +104,7 @@ def decided(
 
         def carried_out(runs: Sequence[CampaignRun]) -> None:
             missing = [run for run in runs if run.run_id not in known]
-            for part, rows in simulated(_parts(campaign, missing, how), _silent):
+            for part, rows in simulated(in_parts(campaign, missing, how), _silent):
                 parts.write(folder, campaign, part, rows)
                 known.update(_responses(question, rows))
 
@@ -159,7 +159,7 @@ def _runs(question: Question, campaign: Campaign, batch: Batch) -> list[Campaign
     return runs
 
 
-def _parts(
+def in_parts(
     campaign: Campaign, runs: Sequence[CampaignRun], how: How
 ) -> Iterator[Sequence[CampaignRun]]:
     """Runs per part of the storage: the most that a kill can lose."""

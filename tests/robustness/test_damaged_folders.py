@@ -245,15 +245,20 @@ def test_a_default_folder_with_a_damaged_manifest_is_left_and_told_of(own: Path)
     assert (own / "runs" / "comparison-2" / "manifest.json").is_file()
 
 
-def test_a_scenario_that_was_edited_is_said_to_be_and_counts(own: Path) -> None:
+@pytest.mark.parametrize(("line", "table"), [
+    ("\nrange_std_m = ", "acoustics"), ("\n# range_std_m = ", "receiver"),
+])  # fmt: skip
+def test_a_scenario_that_was_edited_is_said_to_be_and_counts(
+    own: Path, line: str, table: str
+) -> None:
     path = own / "run" / "scenario.toml"
-    text = path.read_text()
-    before, key, after = text.rpartition("\nrange_std_m = ")
+    before, _, after = path.read_text().partition(line)
+    key = "\nrange_std_m = "
     path.write_text(f"{before}{key}0.5 # {after}")
     said = command("smooth", "run", "--out", "edited", *_BARE)
     assert said == (
         "warning: run/scenario.toml: was edited or damaged after the run; the smoother uses "
-        "its current content: receiver.range_std_m = 0.5 (was 0.1)\n"
+        f"its current content: {table}.range_std_m = 0.5 (was 0.1)\n"
     )
     errors = [(own / name / "errors.csv").read_text() for name in ("smoothed", "edited")]
     assert errors[0] != errors[1]

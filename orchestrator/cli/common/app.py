@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from sblcosim.fmus import stopping
 
 from ...errors import ConfigurationError, resolved, shortened
 from . import completion
@@ -262,7 +263,8 @@ def ask(what: str) -> str:
         There is no answer, but the end of the input or an interruption.
     """
     try:
-        return str(typer.prompt(what, default="", show_default=False, err=True)).strip()
+        with stopping.prompting():
+            return str(typer.prompt(what, default="", show_default=False, err=True)).strip()
     except typer.Abort:
         typer.echo(err=True)
         raise KeyboardInterrupt from None

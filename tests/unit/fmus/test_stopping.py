@@ -227,3 +227,40 @@ def test_no_nudge_comes_after_the_block(number: str) -> None:
     code = LATE.replace("NUMBER", number)
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (0, "stopped\nlives\n"), done.stderr
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_that_does_not_interrupt_the_wait_for_what_is_typed_ends_it(number: int) -> None:
+    """It reaches another thread, as one that comes just before the wait: no handler is run."""
+    code = (
+        "import os, signal, sys, threading\n"
+        "from sblcosim.fmus import stopping\n"
+        "number, begun = int(sys.argv[1]), threading.Event()\n"
+        "def aside():\n"
+        "    begun.wait()\n"
+        "    signal.pthread_kill(threading.get_ident(), number)\n"
+        "with stopping.stoppable(command=True):\n"
+        "    for _ in range(3):\n"
+        "        with stopping.prompting():\n"
+        "            assert os.read(0, 1) == b'x'\n"
+        "    assert signal.set_wakeup_fd(-1) == -1\n"
+        "    threading.Thread(target=aside).start()\n"
+        "    print('reads', flush=True)\n"
+        "    with stopping.prompting():\n"
+        "        begun.set()\n"
+        "        os.read(0, 1)\n"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", code, str(int(number))], stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    ) as process:  # fmt: skip
+        assert process.stdin is not None
+        process.stdin.write("xxx")
+        process.stdin.flush()
+        assert process.wait(PATIENCE) != 0
+        assert process.stdout is not None
+        assert process.stdout.read() == "reads\n"
+        assert process.stderr is not None
+        last = process.stderr.read().splitlines()[-1]
+    kind = {signal.SIGINT: "KeyboardInterrupt", signal.SIGTERM: "sblcosim.fmus.stopping.Terminated"}
+    assert last == kind[number]  # type: ignore[index]

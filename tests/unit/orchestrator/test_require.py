@@ -341,7 +341,7 @@ def test_a_kill_loses_so_many_runs(
     runs: Any = range(3 * size + 1)
     campaign: Any = SimpleNamespace(groups=groups)
     how: Any = SimpleNamespace(threads=threads)
-    parts = [*run._parts(campaign, runs, how)]
+    parts = [*run.in_parts(campaign, runs, how)]
     assert [len(part) for part in parts] == [size] * 3 + [1]
     assert [place for part in parts for place in part] == [*runs]
 
