@@ -241,6 +241,7 @@ def test_the_code_is_ours_if_an_executed_text_was_interrupted(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("number", CODES)
+@one_in(2)
 def test_a_signal_ends_the_compilers(tmp_path: Path, number: int) -> None:
     place = place_of(tmp_path)
     process = subprocess.Popen(

@@ -105,6 +105,7 @@ def test_own_fmus_keep_every_promise(name: str, fmi: int) -> None:
 
 
 @BOTH
+@one_in(2)
 def test_the_fmu_without_a_defect_passes_everything(fmi: int, tmp_path: Path) -> None:
     report = examine(build_planted(fmi, tmp_path))
     assert {r.state for r in report.results} == {"passed"}, str(report)
@@ -269,6 +270,7 @@ def missing_library(folder: Path) -> tuple[str, ...]:
 
 @pytest.mark.skipif(sys.platform != "linux", reason="libraries that need others, of Linux")
 @BOTH
+@one_in(2)
 def test_a_library_of_the_system_that_is_missing_is_no_verdict(fmi: int, tmp_path: Path) -> None:
     options = missing_library(tmp_path / "gone")
     report = examine(build_planted(fmi, tmp_path, options=options))
@@ -397,6 +399,7 @@ def test_what_is_not_claimed_does_not_apply(tmp_path: Path) -> None:
 
 
 @BOTH
+@one_in(2)
 def test_an_fmu_of_a_stranger_is_judged_by_what_it_does(fmi: int, tmp_path: Path) -> None:
     """The stranger of the other tests checks no pointer and counts its steps."""
     report = examine(build_stranger(fmi, tmp_path))
