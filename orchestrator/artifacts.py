@@ -299,6 +299,26 @@ def check(
     check_place(path, within=path if _is_empty(path) else path.parent)
 
 
+def check_kind(path: str | Path, key: str) -> None:
+    """Refuse a folder with a result of another kind, where an earlier one is replaced unasked.
+
+    Parameters
+    ----------
+    key
+        Key of the manifests of that kind.
+
+    Raises
+    ------
+    ConfigurationError
+        The folder holds such a result.
+    """
+    known = manifests.of_folder(resolved(path))
+    if known is not None and key not in known:
+        raise ConfigurationError(
+            f"{path}: must be empty or hold an earlier result of this command, got that of another"
+        )
+
+
 def check_place(path: Path, within: Path | None = None) -> None:
     """Check in advance, as far as possible, that a folder can be made and written to.
 

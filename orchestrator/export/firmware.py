@@ -73,6 +73,7 @@ def export_firmware(
         "scenario": settled.dump_toml(),
     }
     artifacts.check(folder, manifest, "replace")
+    artifacts.check_kind(folder, "target")
     files = _files(receiver, settled, target)
     with artifacts.folder(folder, manifest) as part:
         for name, content in files.items():

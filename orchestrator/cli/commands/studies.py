@@ -296,6 +296,7 @@ def analyse(
         check_choice("error", error, get_args(options.Error))
         out = out or beside(results, "analysis")
         artifacts.check(out)
+        artifacts.check_kind(out, "analysis")
         found = reports.analysed(
             results,
             response,
@@ -350,6 +351,7 @@ def advise(
         wanted = None if mean else advice.PERCENTILE if percentile is None else percentile
         out = out or beside(results, "advice")
         artifacts.check(out)
+        artifacts.check_kind(out, "advice")
         found = study_advice.advice_on_study(
             results,
             costs,

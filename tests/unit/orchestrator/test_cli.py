@@ -219,6 +219,49 @@ def test_no_result_takes_the_place_of_what_it_is_made_from(
     assert {file: it for file, it in everything(tmp_path).items() if file in before} == before
 
 
+SMALL = """
+name = "small"
+scenario = "paper-scenario-1"
+replicates = 3
+fixed = { "time.duration_s" = 5.0 }
+[factors.baseline]
+keys = ["platform.arm_length_m"]
+levels = [0.4, 3.0]
+[factors.noise]
+keys = ["acoustics.range_std_m"]
+levels = [0.05, 0.2]
+"""
+
+
+def test_what_replaces_its_earlier_results_unasked_replaces_no_others(
+    cli: Callable[..., Result], tmp_path: Path
+) -> None:
+    Path("small.toml").write_text(SMALL)
+    Path("costs.toml").write_text("baseline = [10, 60]\nnoise = [100, 10]\n")
+    assert cli("study", "small.toml", "--out", "study").exit_code == 0
+    assert cli("run", "paper-scenario-1", *SHORT, "--out", "run").exit_code == 0
+    calls = {
+        "analysis": [("analyse", "study"), ("analyse", "study", "--order", "1")],
+        "advice": [("advise", "study", "--costs", "costs.toml", "--limit", limit)
+                   for limit in ("1", "2")],
+        "firmware": [("firmware", "ekf", it) for it in ("paper-scenario-1", "paper-scenario-2")],
+    }  # fmt: skip
+    for mine, (first, again) in calls.items():
+        assert cli(*first, "--out", mine).exit_code in (0, 1)
+        before = everything(Path(mine))
+        assert cli(*again, "--out", mine).exit_code in (0, 1)
+        assert everything(Path(mine)) != before
+    before = everything(tmp_path)
+    for mine, (first, _) in calls.items():
+        for other in {"run", *calls} - {mine}:
+            done = cli(*first, "--out", other)
+            assert (done.exit_code, done.stderr) == (2, (
+                f"error: {other}: must be empty or hold an earlier result of this command, got "
+                "that of another\n"
+            ))  # fmt: skip
+    assert everything(tmp_path) == before
+
+
 def test_a_run_that_ends_before_its_time_says_so(cli: Callable[..., Result]) -> None:
     run = ("run", "paper-scenario-1", "--no-figures", "--set", "time.ekf_ratio=600")
     line = "simulated 60 of 94.2478 s: a run ends with the last common multiple of all"
