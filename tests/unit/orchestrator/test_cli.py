@@ -219,25 +219,11 @@ def test_no_result_takes_the_place_of_what_it_is_made_from(
     assert {file: it for file, it in everything(tmp_path).items() if file in before} == before
 
 
-SMALL = """
-name = "small"
-scenario = "paper-scenario-1"
-replicates = 3
-fixed = { "time.duration_s" = 5.0 }
-[factors.baseline]
-keys = ["platform.arm_length_m"]
-levels = [0.4, 3.0]
-[factors.noise]
-keys = ["acoustics.range_std_m"]
-levels = [0.05, 0.2]
-"""
-
-
 def test_what_replaces_its_earlier_results_unasked_replaces_no_others(
     cli: Callable[..., Result], tmp_path: Path
 ) -> None:
-    Path("small.toml").write_text(SMALL)
-    Path("costs.toml").write_text("baseline = [10, 60]\nnoise = [100, 10]\n")
+    Path("small.toml").write_text(STUDY)
+    Path("costs.toml").write_text("gps = [500, 20]\nrange = [100, 10]\n")
     assert cli("study", "small.toml", "--out", "study").exit_code == 0
     assert cli("run", "paper-scenario-1", *SHORT, "--out", "run").exit_code == 0
     calls = {
